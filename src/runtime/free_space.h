@@ -67,12 +67,14 @@ struct fv_free_space_state {
     uint32_t unused;
 };
 
-/* The grid of a loaded map, and the save under way (kept_grid.c). No addresses and no padding. */
+/* The grid of a loaded map, or as a loss ended it, and the save under way (kept_grid.c). No
+ * addresses and no padding. */
 struct fv_kept_grid_state {
     struct fv_archive_grid loaded; /* its cells are those of the recall; side 0: none */
     int64_t corner[2], row;        /* of the grid as it is saved; the next row */
     struct fv_free_space_world world;
-    uint32_t save, unused;
+    uint32_t save;
+    uint32_t own; /* what is kept is the grid that a loss ended, not that of a file */
 };
 
 struct fv_free_space {

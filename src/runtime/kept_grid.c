@@ -30,6 +30,7 @@ void fv_kept_grid_take(struct fv_free_space *stage, const struct fv_archive_grid
 {
     if (!stage->enabled) return;
     stage->kept->loaded = *grid;
+    stage->kept->own = 0;
     fv_grid_recall_keep(&stage->recall, grid->side, grid->resolution_m, cells);
 }
 
@@ -87,6 +88,35 @@ static struct fv_sim3 own_now(const struct fv_publish *publish, const struct fv_
     return S;
 }
 
+/* Of the grid where it lies now, by the transform from `odom` to the own frame of map `map_id`. */
+static struct fv_archive_grid head_of(const struct fv_free_space *stage, uint32_t map_id,
+                                      const struct fv_sim3 *S_own_odom)
+{
+    const struct fovea_grid_place place = fv_grid_place(&stage->grid);
+    const double corner[3] = {place.origin_m[0], place.origin_m[1], stage->state->ground.height_m};
+    struct fv_archive_grid head = {.map_id = map_id,
+                                   .side = place.width,
+                                   .resolution_m = place.resolution_m,
+                                   .S_map_grid = *S_own_odom};
+    fv_so3_orthonormalise(head.S_map_grid.R); /* T_body_cam is one to four digits */
+    fv_sim3_apply(&head.S_map_grid, corner, head.S_map_grid.t);
+    return head;
+}
+
+void fv_kept_grid_keep(struct fv_free_space *stage)
+{
+    const struct fv_free_space_pose *pose = &stage->state->pose;
+    const struct fv_kept_grid_state *kept = stage->kept;
+    const struct fv_grid *grid = &stage->grid;
+    const bool others = kept->loaded.side > 0 && !kept->own && kept->loaded.map_id != pose->map_id;
+    /* A save under way goes on with what it began with. */
+    if (others || kept->save == SAVE_LOADED || !pose->usable || !fv_grid_recall_any(grid)) return;
+    const struct fv_archive_grid head = head_of(stage, pose->map_id, &pose->S_own_odom);
+    fv_grid_recall_rows(grid, grid->state->corner, 0, head.side, stage->recall.percent);
+    fv_kept_grid_take(stage, &head, stage->recall.percent);
+    stage->kept->own = 1;
+}
+
 /* Decide what is saved, and write where it lies. */
 static void begin(struct fv_free_space *stage, const struct fv_publish *publish,
                   struct fv_odometry *odometry)
@@ -96,15 +126,8 @@ static void begin(struct fv_free_space *stage, const struct fv_publish *publish,
     kept->row = 0;
     kept->save = SAVE_WRITTEN;
     if (fv_free_space_vouched(stage, publish) && fv_grid_recall_any(&stage->grid)) {
-        const struct fovea_grid_place place = fv_grid_place(&stage->grid);
-        const double corner[3] = {place.origin_m[0], place.origin_m[1],
-                                  stage->state->ground.height_m};
-        struct fv_archive_grid head = {.map_id = fv_map_current_id(map),
-                                       .side = place.width,
-                                       .resolution_m = place.resolution_m,
-                                       .S_map_grid = own_now(publish, odometry)};
-        fv_so3_orthonormalise(head.S_map_grid.R); /* T_body_cam is one to four digits */
-        fv_sim3_apply(&head.S_map_grid, corner, head.S_map_grid.t);
+        const struct fv_sim3 S_own_odom = own_now(publish, odometry);
+        const struct fv_archive_grid head = head_of(stage, fv_map_current_id(map), &S_own_odom);
         kept->save = SAVE_GRID;
         kept->corner[0] = stage->grid.state->corner[0];
         kept->corner[1] = stage->grid.state->corner[1];

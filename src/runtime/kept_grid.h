@@ -2,12 +2,16 @@
  *
  * Saving: after the map's own parts, units write those cells of the grid that are known and static,
  * and where they lie in the map's own frame, which corrections of the map have moved against
- * `odom`. A grid that knows nothing, as while the pose is lost, is not saved; a grid that was
- * loaded with the map then stays in its file.
+ * `odom`. A grid that knows nothing is not saved; a grid that was loaded with the map, or that a
+ * loss of the pose ended, is saved in its place.
  *
  * Loading: the cells stay in the run's memory, with their place in the map; of a grid with more
  * cells than the run's own, the middle. Once a frame is posed in metres in that map, its grid is
- * offered them after each update (grid/recall.h). */
+ * offered them after each update (grid/recall.h).
+ *
+ * A loss: nothing is known while the pose is lost, but what the grid knew as of its last update
+ * takes the place of what was loaded with the same map. So it is offered again where the camera is
+ * found in that map, and saved with the map where it is not. */
 #ifndef FOVEA_RUNTIME_KEPT_GRID_H
 #define FOVEA_RUNTIME_KEPT_GRID_H
 
@@ -26,6 +30,9 @@ void fv_kept_grid_crop(const struct fv_archive_info *info, const uint8_t *data, 
 /* The map was replaced by one that brings this, its map numbered as in this run; side 0: none. */
 void fv_kept_grid_take(struct fv_free_space *stage, const struct fv_archive_grid *grid,
                        const int8_t *cells);
+
+/* The grid is about to forget: keep what it knows. In proportion to its cells. */
+void fv_kept_grid_keep(struct fv_free_space *stage);
 
 /* From `odom` in metres to the own frame and unit of the map that the last frame was posed in, as
  * that frame's messages state it. */

@@ -233,7 +233,9 @@ static void found_print(const struct fv_run *run)
     const struct fv_grid_counts *grid = &run->grid;
     if (!run->settings.runtime.grid_job.enabled) return;
     if (grid->free + grid->occupied == 0)
-        printf("  free space: none known at the end: it needs poses in metres, and masks\n");
+        printf("  free space: none known at the end: %s\n",
+               run->watch.state == FV_WATCH_LOST ? "the pose is lost"
+                                                 : "it needs poses in metres, and masks");
     else
         printf("  free space: %" PRIu32 " cells free, %" PRIu32 " occupied%s%s\n", grid->free,
                grid->occupied, run->grid_path != NULL ? ", drawn in " : "",

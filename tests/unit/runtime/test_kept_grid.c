@@ -65,12 +65,14 @@ static void load(const uint8_t *map, size_t bytes)
     rig.config.map_bytes = bytes;
 }
 
+static int light_again = DARK; /* number of the frame */
+
 /* What a run's network and odometry are granted in a frame; false: it is at its end. */
 static bool next(int dark)
 {
     static uint8_t black[320 * 240];
     if (!sim_rig_next(&rig)) return false;
-    for (uint32_t i = 0; i < 2 && rig.frames >= dark; i++)
+    for (uint32_t i = 0; i < 2 && rig.frames >= dark && rig.frames < light_again; i++)
         rig.frame.images[i].data = black;
     rig.inputs.grants.units[FOVEA_JOB_DETECT] = 400; /* a mask with every frame */
     sim_rig_process(&rig);
@@ -422,32 +424,60 @@ static void it_lies_in_the_map_and_not_in_odom(void **state)
     sim_rig_close(&rig);
 }
 
-/* Nothing before the pose and nothing after its loss; what the file held stays in it. */
+/* Nothing before the pose and nothing after its loss. The file keeps what it held, or gets what was
+ * known when the pose was lost. */
 static void lost_nothing_is_known_and_nothing_is_lost(void **state)
 {
     (void)state;
     static struct grid grid;
     size_t bytes;
     for (int dark = 0; dark <= 6; dark += 6) {
-        int grids = 0;
+        int grids = 0, known = 0;
         open_rig(START, 10);
         load(saved, saved_bytes);
         sim_rig_build(&rig);
         while (next(dark))
             grids += take(&grid);
         assert_int_equal(rig.pose[9].state, FOVEA_TRACKING_LOST);
-        assert_false(fovea_free_space_get(rig.rt, grid.cells, &grid.place));
-        if (dark == 0)
-            assert_int_equal(grids, 0);
-        else
-            assert_true(grids > 0);
+        assert_false(fovea_free_space_get(rig.rt, (int8_t[CELLS]){0}, &grid.place));
         uint8_t *map = save(&bytes);
-        assert_memory_equal(cells_of(map, bytes, SIDE) - FV_ARCHIVE_GRID_BYTES,
-                            cells_of(saved, saved_bytes, SIDE) - FV_ARCHIVE_GRID_BYTES,
-                            fv_archive_grid_bytes(SIDE));
+        const int8_t *kept = cells_of(map, bytes, SIDE);
+        if (dark == 0) {
+            assert_int_equal(grids, 0);
+            assert_memory_equal(kept - FV_ARCHIVE_GRID_BYTES,
+                                cells_of(saved, saved_bytes, SIDE) - FV_ARCHIVE_GRID_BYTES,
+                                fv_archive_grid_bytes(SIDE));
+        }
+        for (int i = 0; dark > 0 && i < CELLS; i++) {
+            if (kept[i] != FOVEA_GRID_UNKNOWN) assert_int_equal(kept[i], grid.cells[i]);
+            known += kept[i] != FOVEA_GRID_UNKNOWN;
+        }
+        assert_true(dark == 0 || known + 100 > count_known(grid.cells, CELLS));
         free(map);
         sim_rig_close(&rig);
     }
+}
+
+/* Found again in its map, a run knows what it knew before the loss, at once. */
+static void what_a_loss_ended_is_known_again(void **state)
+{
+    (void)state;
+    static struct grid before, grid;
+    open_rig(0, 80);
+    sim_rig_build(&rig);
+    light_again = 65;
+    while (rig.frames < 60 && next(60))
+        (void)take(&before);
+    while (rig.frames < 65 && next(60))
+        assert_true(rig.frames < 62 || !take(&grid));
+    assert_true(next(60) && !rig.pose[64].posed);
+    while (next(60) && !take(&grid))
+        ;
+    light_again = DARK;
+    const int known = count_known(before.cells, CELLS), again = count_known(grid.cells, CELLS);
+    print_message("%d cells known before the loss, %d in the first grid behind it\n", known, again);
+    assert_true(known > 1000 && again > 0.8 * known);
+    sim_rig_close(&rig);
 }
 
 /* A run without a grid takes the map, and one of other cells takes the middle. */
@@ -601,6 +631,7 @@ int main(void)
         cmocka_unit_test(what_has_changed_is_corrected),
         cmocka_unit_test(it_lies_in_the_map_and_not_in_odom),
         cmocka_unit_test(lost_nothing_is_known_and_nothing_is_lost),
+        cmocka_unit_test(what_a_loss_ended_is_known_again),
         cmocka_unit_test(runs_of_other_grids_load_it),
         cmocka_unit_test(it_is_the_same_again),
         cmocka_unit_test(it_comes_with_a_map_that_a_run_takes),
