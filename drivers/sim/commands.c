@@ -1,5 +1,6 @@
 #include "sim.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "../clock.h"
@@ -56,11 +57,16 @@ static enum fovea_status wait_for(struct fv_sim_commands *c, uint64_t frame, int
     if (!c->waits) {
         c->waits = true;
         c->waits_since_ns = now_ns;
+        c->others = 0;
     }
     const int64_t until_ns = c->waits_since_ns + (int64_t)(c->patience_s * 1e9);
     while (fv_thread_take(&c->waiting, deadline_ns < until_ns ? deadline_ns : until_ns)) {
         const struct fovea_velocity_command command = take(c);
-        if (command.sequence >= 0 && (uint64_t)command.sequence != frame - 1) continue;
+        if (command.sequence >= 0 && (uint64_t)command.sequence != frame - 1) {
+            c->others++;
+            c->other = command.sequence;
+            continue;
+        }
         keep(c, &command, frame);
         c->waits = false;
         return FOVEA_OK;
@@ -116,10 +122,14 @@ enum fovea_status fv_sim_commands_failure(const struct fv_sim_commands *c,
                                           struct fovea_error *error)
 {
     if (c->failed_frame == 0) return FOVEA_AGAIN;
+    char others[96] = "";
+    if (c->others > 0)
+        snprintf(others, sizeof others, " (%llu came, the last with %lld)",
+                 (unsigned long long)c->others, (long long)c->other);
     return fovea_error_set(
         error, FOVEA_OK,
-        "found no velocity_command_t with sequence %llu for %g s, expected an answer to each frame",
-        (unsigned long long)(c->failed_frame - 1), c->patience_s);
+        "found no velocity_command_t with sequence %llu for %g s%s, expected an answer to each frame",
+        (unsigned long long)(c->failed_frame - 1), c->patience_s, others);
 }
 
 static void tell_goal(const struct fv_sim_drive *d, struct fovea_error *error)

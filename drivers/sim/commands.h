@@ -35,6 +35,8 @@ struct fv_sim_commands {
     uint32_t given_count;
     int64_t last_stamp_ns; /* of the last frame */
     uint64_t failed_frame; /* that was not answered; 0: none */
+    uint64_t others;       /* that came while it waited, answers to other frames, */
+    int64_t other;         /* and the sequence of the last one */
     atomic_int end;        /* enum fv_sim_commands_end */
     bool told_goal;        /* of whoever asks for lines */
 };

@@ -284,6 +284,30 @@ static void silence_is_as_long_as_it_is_told(void **state)
     assert_true(silences >= 3);
 }
 
+/* Where no grid comes, as grid.enabled is not set, a line says why the robot stands. */
+static void it_says_that_there_is_no_grid(void **state)
+{
+    char command[2048], line[512] = "";
+    pid_t navigator;
+    (void)state;
+    snprintf(command, sizeof command,
+             "exec %s/examples/navigate 0.8 0 --url " URL " --patience 15 2>&1", build_folder());
+    const char *const controller[] = {"/bin/sh", "-c", command, NULL};
+    FILE *heard = start(controller, &navigator);
+    assert_non_null(fgets(line, sizeof line, heard));
+    snprintf(command, sizeof command,
+             "%s/fovea run --source '" DRIVE "' --frames 60 --quiet --picture none"
+             " --set 'lcm_url=" URL "' --set '" T_BODY_CAM "'",
+             build_folder());
+    assert_int_equal(system(command), 0); /* NOLINT(bugprone-command-processor) */
+    assert_non_null(fgets(line, sizeof line, heard));
+    assert_non_null(
+        strstr(line, "navigate: found no GRID with 50 poses, expected a run with grid.enabled"));
+    kill(navigator, SIGTERM);
+    assert_int_equal(waitpid(navigator, NULL, 0), navigator);
+    fclose(heard);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -359,6 +383,7 @@ int main(void)
         cmocka_unit_test(a_run_with_a_key_takes_nothing_that_is_not_signed),
         cmocka_unit_test(a_signal_ends_it_with_its_last_line),
         cmocka_unit_test(silence_is_as_long_as_it_is_told),
+        cmocka_unit_test(it_says_that_there_is_no_grid),
         cmocka_unit_test(wrong_arguments_are_refused),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

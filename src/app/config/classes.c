@@ -142,9 +142,10 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
 /* ---- the grid of free space ------------------------------------------------------------------ */
 
 /* By the names that Cityscapes, ADE20K, CamVid and our own networks give them. */
-static const char *const floors[] = {"floor", "road",     "ground", "sidewalk", "pavement",
-                                     "lane",  "parking",  "rug",    "carpet",   "crosswalk",
-                                     "Road",  "Pavement", "path",   "earth",    "field"};
+static const char *const floors[] = {"floor",  "road",      "ground", "sidewalk", "pavement",
+                                     "lane",   "parking",   "rug",    "carpet",   "crosswalk",
+                                     "Road",   "Pavement",  "path",   "earth",    "field",
+                                     "runway", "dirt track"};
 static const char *const never_floor[] = {"sky", "Sky", "background", "other"};
 /* They may be floor, or the robot. */
 static const char *const nothing[] = {"void",
@@ -169,14 +170,32 @@ struct labelled {
 
 #define COUNT_OF(array) (sizeof(array) / sizeof(array)[0])
 
+/* Whether a label is this name, or one of several names for one class ("floor, flooring"), as
+ * ADE20K has them. */
+static bool is_called(const char *label, const char *name)
+{
+    const size_t length = strlen(name);
+    for (const char *at = label; *at != '\0'; at += strcspn(at, ",;/")) {
+        at += strspn(at, ",;/ ");
+        const size_t left = strcspn(at, ",;/");
+        if (left >= length && strncmp(at, name, length) == 0 &&
+            strspn(at + length, " ") == left - length)
+            return true;
+    }
+    return false;
+}
+
 static void label_known(const struct fv_model *model, const struct labelled *of,
                         uint8_t labels[256])
 {
+    const int32_t first = model->header->decode.first_label,
+                  last = (int32_t)model->header->label_count - first;
     for (int k = 0; k < 2; k++)
-        for (size_t i = 0; i < of->known[k].count; i++) {
-            const int32_t c = class_below(model, of->known[k].names[i], 256);
-            if (c >= 0 && labels[c] == FOVEA_GRID_OBSTACLE) labels[c] = (uint8_t)of->label;
-        }
+        for (size_t i = 0; i < of->known[k].count; i++)
+            for (int32_t c = 0; c < last && c < 256; c++)
+                if (labels[c] == FOVEA_GRID_OBSTACLE &&
+                    is_called(fv_model_label(model, c + first), of->known[k].names[i]))
+                    labels[c] = (uint8_t)of->label;
 }
 
 /* The entries of a list that name classes; `by_name`: those that `auto` stands for, of the classes
@@ -204,6 +223,21 @@ static enum fovea_status label_list(const struct fv_model *model, const struct l
 static bool labels_pixels(const struct fv_model *model)
 {
     return model != NULL && fv_detect_gives(model) == FV_DETECT_MASK;
+}
+
+void fv_classes_floor(const struct fv_settings *settings, const struct fv_model *model,
+                      const struct fv_model *model2, char *text, size_t capacity)
+{
+    const struct fovea_grid_job_config *job = &settings->runtime.grid_job;
+    const struct fv_model *labeller = labels_pixels(model) ? model : model2;
+    size_t length = 0;
+    text[0] = '\0';
+    if (!job->enabled || !labels_pixels(labeller)) return;
+    const int32_t first = labeller->header->decode.first_label;
+    for (int32_t c = 0; c < 256 && c + first < (int32_t)labeller->header->label_count; c++)
+        if (job->labels[c] == FOVEA_GRID_FLOOR && length < capacity)
+            length += (size_t)snprintf(text + length, capacity - length, "%s%.60s",
+                                       length > 0 ? ", " : "", fv_model_label(labeller, c + first));
 }
 
 enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,

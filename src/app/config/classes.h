@@ -19,6 +19,11 @@ enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,
                                           const struct fv_model *model,
                                           const struct fv_model *model2, struct fovea_error *error);
 
+/* The names of the classes that are floor to the grid, with commas between, cut where `text` is
+ * full; "" where the grid is off. After fv_classes_resolve_grid with the same networks. */
+void fv_classes_floor(const struct fv_settings *settings, const struct fv_model *model,
+                      const struct fv_model *model2, char *text, size_t capacity);
+
 /* What is wrong with the lists whatever the network is: the form of an entry, a number that no
  * class has. FOVEA_ERROR_INPUT as above. */
 enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fovea_error *error);

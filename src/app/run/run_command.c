@@ -9,6 +9,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "app/config/classes.h"
 #include "app/run/process.h"
 #include "app/run/realtime.h"
 #include "app/run/run.h"
@@ -353,6 +354,11 @@ static void remarks(const struct fv_run *run)
         run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
         fv_say(
             "fovea run: the network takes colour and this source gives grey levels: each channel gets the grey level");
+    char floor[256];
+    const struct fv_setup *setup = &run->setup;
+    fv_classes_floor(&run->settings, setup->model.data != NULL ? &setup->model.model : NULL,
+                     setup->model2.data != NULL ? &setup->model2.model : NULL, floor, sizeof floor);
+    if (floor[0] != '\0' && !run->quiet) fv_say_note("free space: floor is %s", floor);
 }
 
 /* Last what cuts files: by then all that can be wrong with the input has been said. */

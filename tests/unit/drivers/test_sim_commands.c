@@ -105,6 +105,18 @@ static void a_source_that_gets_no_answer_fails_with_its_reason(void **state)
         error.text,
         "found no velocity_command_t with sequence 0 for 20 s, expected an answer to each frame");
     sim_source_close(source);
+    /* Answers to other frames are named. */
+    source = sim_source_open(DRIVE, NULL);
+    assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
+    ops->requeue(source, &frame);
+    assert_int_equal(drive(source, 7, 0.2, 0), FOVEA_OK);
+    assert_int_equal(drive(source, 5, 0.2, 0), FOVEA_OK);
+    assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_AGAIN);
+    source->commands.waits_since_ns -= INT64_C(20000000000);
+    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_ERROR_INPUT);
+    assert_int_equal(ops->failure(source, &error), FOVEA_OK);
+    assert_non_null(strstr(error.text, "for 20 s (2 came, the last with 5), expected"));
+    sim_source_close(source);
 }
 
 static void it_moves_as_it_is_asked_to_and_tells_what_it_took(void **state)

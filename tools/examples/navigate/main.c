@@ -42,7 +42,7 @@
 #include "fovea_run_t.h"
 #include "fovea_velocity_command_t.h"
 
-enum { QUIET_MOST = 15 };
+enum { QUIET_MOST = 15, POSES_WITHOUT_GRID = 50 };
 static const int64_t grid_age_most_ns = 2000000000; /* what came since then is not in it */
 
 static struct {
@@ -147,6 +147,11 @@ static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fov
     (void)channel;
     (void)context;
     self.poses++;
+    if (self.poses == POSES_WITHOUT_GRID && self.grids == 0)
+        fprintf(stderr,
+                "navigate: found no GRID with %d poses, expected a run with grid.enabled and poses "
+                "in metres; the robot stands\n",
+                POSES_WITHOUT_GRID);
     self.frame = pose->stamp.sequence;
     const bool fresh = pose->stamp.time_ns - self.grid_ns <= grid_age_most_ns;
     if (is_usable(pose) && fresh && self.planned && navigate_is_for(&self.place, pose)) {

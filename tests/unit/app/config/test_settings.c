@@ -407,6 +407,23 @@ static void test_classes_of_the_grid(void **state)
         movable += labels[c] == FOVEA_GRID_MOVABLE; /* ball, cone, box of the shipped network */
     assert_true(movable > 0);
     assert_int_equal(labels[200], FOVEA_GRID_OBSTACLE);
+    /* Labels of several names, as ADE20K has them: "floor, flooring". */
+    strcpy(settings.grid_floor, "auto");
+    strcpy(settings.grid_ignored, "");
+    char *label[4], text[64];
+    for (int32_t c = 0; c < 4; c++)
+        label[c] = (char *)(uintptr_t)fv_model_label(model, c + first);
+    assert_true(strlen(label[1]) == 4 && strlen(label[3]) == 6);
+    memcpy(label[1], "sky,", 4);
+    memcpy(label[3], "x;path", 6);
+    assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_OK);
+    assert_true(labels[1] == FOVEA_GRID_BEYOND && labels[3] == FOVEA_GRID_FLOOR);
+    assert_int_equal(labels[0], FOVEA_GRID_MOVABLE);
+    fv_classes_floor(&settings, model, NULL, text, sizeof text);
+    assert_string_equal(text, "x;path");
+    memcpy(label[3], "x;pat;", 6); /* a part of a name is none */
+    assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_ERROR_INPUT);
+    strcpy(settings.grid_floor, "3");
     strcpy(settings.grid_movable, "lion");
     assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "grid.movable: found 'lion'"));
