@@ -63,6 +63,12 @@ struct fv_difference {
 bool fv_message_compare(const uint8_t *expected, size_t expected_bytes, const uint8_t *found,
                         size_t found_bytes, struct fv_difference *difference);
 
+/* The same of two runs, of which each has clocks and a process of its own: what these measure is
+ * left out, too, although it is recorded and replays have it again (latency_ns, utc_offset_ns,
+ * utime, frames_late, resident_bytes, temperature_c). */
+bool fv_message_compare_runs(const uint8_t *expected, size_t expected_bytes, const uint8_t *found,
+                             size_t found_bytes, struct fv_difference *difference);
+
 #ifdef __cplusplus
 }
 #endif

@@ -37,12 +37,70 @@ uint64_t fv_lockstep_frame_hash(const struct fovea_frame *frame)
     return hash;
 }
 
+/* ---- what clocks measured -------------------------------------------------------------------- */
+
+enum { READINGS_MAX = 12 };
+
+/* Places of readings, which are zero while something is hashed. */
+struct readings {
+    uint32_t count;
+    uint8_t *at[READINGS_MAX];
+    int64_t kept[READINGS_MAX];
+};
+
+static void hide(struct readings *readings, void *at)
+{
+    static const int64_t zero;
+    readings->at[readings->count] = at;
+    memcpy(&readings->kept[readings->count++], at, sizeof zero);
+    memcpy(at, &zero, sizeof zero);
+}
+
+static void show(struct readings *readings)
+{
+    while (readings->count > 0) {
+        readings->count--;
+        memcpy(readings->at[readings->count], &readings->kept[readings->count], sizeof(int64_t));
+    }
+}
+
+/* The offsets to UTC that the state remembers with its frames. */
+static void hide_in_state(struct fovea *rt, struct readings *readings)
+{
+    hide(readings, &rt->state->frame.utc_offset_ns);
+    if (rt->preview.state != NULL) hide(readings, &rt->preview.state->frame.utc_offset_ns);
+    if (rt->edges.state != NULL) hide(readings, &rt->edges.state->frame.utc_offset_ns);
+    if (rt->calibration.state != NULL) hide(readings, &rt->calibration.state->frame.utc_offset_ns);
+    for (int i = 0; i < 2; i++) {
+        struct fv_detection_state *state = (i == 0 ? &rt->detection : &rt->detection2)->state;
+        if (state == NULL) continue;
+        hide(readings, &state->frame.utc_offset_ns);
+        hide(readings, &state->found_frame.utc_offset_ns);
+    }
+    if (rt->free_space.state == NULL) return;
+    hide(readings, &rt->free_space.state->noted_frame.utc_offset_ns);
+    hide(readings, &rt->free_space.state->frame.utc_offset_ns);
+}
+
+/* In a message that was encoded: the offset to UTC of the stamp that it begins with, or utime, and
+ * the latency at the end of a pose. */
+static void hide_in_message(enum fv_message_kind kind, uint8_t *data, uint32_t bytes,
+                            struct readings *readings)
+{
+    enum { HASH_BYTES = 8, OFFSET = HASH_BYTES + 8 + 1 + 1, UTIME = HASH_BYTES };
+    hide(readings, data + (kind == FV_MESSAGE_BOT_CORE_POSE ? UTIME : OFFSET));
+    if (kind == FV_MESSAGE_POSE || kind == FV_MESSAGE_CAMERA_POSE)
+        hide(readings, data + bytes - sizeof(int64_t));
+}
+
+/* ---- hashing --------------------------------------------------------------------------------- */
+
 /* The inputs as recordings hold them, in the buffer of the message, which is not written yet. */
 static uint64_t hash_inputs(struct fovea *rt, const struct fovea_inputs *inputs)
 {
     uint8_t *buffer = rt->outbox.buffer[FV_MESSAGE_LOCKSTEP];
     const size_t capacity = rt->outbox.capacity[FV_MESSAGE_LOCKSTEP];
-    const fovea_stamp_t stamp = fv_message_stamp(inputs->frame, inputs->utc_offset_ns);
+    const fovea_stamp_t stamp = fv_message_stamp(inputs->frame, 0);
     uint64_t hash = FV_HASH_START;
     for (uint32_t i = 0; i < inputs->sample_count; i++) {
         const uint32_t bytes =
@@ -82,7 +140,12 @@ void fv_lockstep_sent(struct fovea *rt, const struct fovea_outputs *outputs)
         if (message->volatile_values || at == FV_LOCKSTEP_MAX) continue;
         lockstep->kinds[at] =
             (uint32_t)((message->channel - rt->outbox.channel[0]) / FV_MESSAGE_CHANNEL_BYTES);
-        lockstep->hashes[at] = fv_hash_state(FV_HASH_START, message->data, message->bytes);
+        const enum fv_message_kind kind = (enum fv_message_kind)lockstep->kinds[at];
+        uint8_t *data = rt->outbox.buffer[kind] + (message->data - rt->outbox.buffer[kind]);
+        struct readings readings = {.count = 0};
+        hide_in_message(kind, data, message->bytes, &readings);
+        lockstep->hashes[at] = fv_hash_state(FV_HASH_START, data, message->bytes);
+        show(&readings);
         lockstep->message_count++;
     }
 }
@@ -110,6 +173,8 @@ void fv_lockstep_end(struct fovea *rt, const struct fovea_grants *grants,
     const struct fovea_feature *found = fovea_features_get(rt, &features);
     message.stages[message.stage_count++] = (struct fv_message_hash){
         "features", fv_hash_state(FV_HASH_START, found, features * sizeof *found)};
+    struct readings readings = {.count = 0};
+    hide_in_state(rt, &readings);
     for (uint32_t i = 0; i < lockstep->part_count; i++) {
         const struct fv_lockstep_part *part = &lockstep->parts[i];
         const uint64_t hash =
@@ -117,6 +182,7 @@ void fv_lockstep_end(struct fovea *rt, const struct fovea_grants *grants,
         message.stages[message.stage_count++] = (struct fv_message_hash){part->owner, hash};
         message.state_hash = fv_hash(message.state_hash, &hash, sizeof hash);
     }
+    show(&readings);
     for (uint32_t i = 0; i < lockstep->message_count; i++)
         message.messages[i] =
             (struct fv_message_hash){rt->outbox.channel[lockstep->kinds[i]], lockstep->hashes[i]};

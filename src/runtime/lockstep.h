@@ -3,10 +3,12 @@
  * names the iteration and what became different in it: inputs, then features, then the state by
  * the owners of memory in the order of the memory table, then messages in the order of sending.
  *
- * Hashed: inputs and grants without what clocks and processes measure (latency_ns, utc_offset_ns,
- * frames_late, resident_bytes, temperature_c), samples, pixels; the features of the frame;
- * persistent and job memory; messages without clock readings (statistics_t is left out). Real-time
- * safe: bounded by the state's bytes, some 1 ms for 10 MB, each lockstep_every-th iteration. */
+ * Hashed: inputs and grants, samples, pixels; the features of the frame; persistent and job memory;
+ * messages. What clocks and processes measure is left out of all of them: of the inputs latency_ns,
+ * utc_offset_ns, frames_late, resident_bytes and temperature_c; of state and messages the offsets
+ * to UTC that frames are remembered with (utc_offset_ns of stamps, utime) and the latency_ns of
+ * poses; statistics_t as a whole. Real-time safe: bounded by the state's bytes, some 1 ms for 10
+ * MB, each lockstep_every-th iteration. */
 #ifndef FOVEA_RUNTIME_LOCKSTEP_H
 #define FOVEA_RUNTIME_LOCKSTEP_H
 

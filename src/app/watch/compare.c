@@ -151,11 +151,12 @@ static bool keep(struct side *side, enum kind kind)
     const struct fv_lcmlog_event *next = &side->next;
     if (!grow((void **)&side->events, side->count, &side->capacity, sizeof *side->events))
         return false;
-    if (side->used + next->bytes > side->room) {
-        uint8_t *larger = realloc(side->bytes, 2 * (side->used + next->bytes));
+    if (side->bytes == NULL || side->used + next->bytes > side->room) {
+        const size_t room = 2 * (side->used + next->bytes) + 1;
+        uint8_t *larger = realloc(side->bytes, room);
         if (larger == NULL) return false;
         side->bytes = larger;
-        side->room = 2 * (side->used + next->bytes);
+        side->room = room;
     }
     struct event *event = &side->events[side->count++];
     *event = (struct event){.kind = kind, .at = side->used, .bytes = next->bytes};
@@ -165,15 +166,14 @@ static bool keep(struct side *side, enum kind kind)
     return true;
 }
 
-/* What is decoded below must be well-formed. */
+/* Hashes are decoded, and inputs that are broken are no difference of two runs. */
 static enum fovea_status check(const struct side *side, enum kind kind, struct fovea_error *error)
 {
     const char *problem;
     size_t at;
-    const char *type = kind == INPUTS                               ? "fovea.inputs_t"
-                       : kind == LOCKSTEP                           ? "fovea.lockstep_t"
-                       : strcmp(suffix_of(side), "STATISTICS") == 0 ? "fovea.statistics_t"
-                                                                    : NULL;
+    const char *type = kind == INPUTS     ? "fovea.inputs_t"
+                       : kind == LOCKSTEP ? "fovea.lockstep_t"
+                                          : NULL;
     if (type == NULL || fv_message_check(type, side->next.data, side->next.bytes, &problem, &at))
         return FOVEA_OK;
     const int64_t byte = side->next.offset + FV_LCMLOG_HEADER_BYTES +
@@ -216,50 +216,17 @@ static enum fovea_status iteration_read(struct side *side, struct fovea_error *e
 
 /* ---- comparing ------------------------------------------------------------------------------- */
 
-/* Copies of inputs_t and statistics_t without what processes differ in whatever they compute. */
-static uint32_t without_process(const char *suffix, const uint8_t *data, uint32_t bytes,
-                                uint8_t *copy)
-{
-    int written = -1;
-    memcpy(copy, data, bytes);
-    if (strcmp(suffix, "INPUTS") == 0) {
-        fovea_inputs_t inputs;
-        if (fovea_inputs_t_decode(data, 0, (int)bytes, &inputs) < 0) return bytes;
-        inputs.resident_bytes = 0;
-        inputs.temperature_c = 0;
-        inputs.latency_ns = 0;
-        inputs.utc_offset_ns = 0;
-        inputs.frames_late = 0;
-        written = fovea_inputs_t_encode(copy, 0, (int)bytes, &inputs);
-        fovea_inputs_t_decode_cleanup(&inputs);
-    } else if (strcmp(suffix, "STATISTICS") == 0) {
-        fovea_statistics_t statistics;
-        if (fovea_statistics_t_decode(data, 0, (int)bytes, &statistics) < 0) return bytes;
-        statistics.resident_bytes = 0;
-        statistics.temperature_c = 0;
-        written = fovea_statistics_t_encode(copy, 0, (int)bytes, &statistics);
-        fovea_statistics_t_decode_cleanup(&statistics);
-    }
-    return written < 0 ? bytes : (uint32_t)written;
-}
-
 /* "" or what differs: the field and both values. */
 static void event_compare(const struct side *a, const struct event *first, const struct side *b,
                           const struct event *second, char *text, size_t capacity)
 {
     struct fv_difference difference;
-    uint8_t *copies = malloc((size_t)first->bytes + second->bytes + 1);
     text[0] = '\0';
-    if (copies == NULL) return;
-    const uint32_t a_bytes =
-                       without_process(first->suffix, a->bytes + first->at, first->bytes, copies),
-                   b_bytes = without_process(second->suffix, b->bytes + second->at, second->bytes,
-                                             copies + first->bytes);
-    if (!fv_message_compare(copies, a_bytes, copies + first->bytes, b_bytes, &difference))
+    if (!fv_message_compare_runs(a->bytes + first->at, first->bytes, b->bytes + second->at,
+                                 second->bytes, &difference))
         snprintf(text, capacity, "%.40s: %.60s%sfound %.40s, expected %.40s", first->suffix,
                  difference.field, difference.field[0] != '\0' ? ": " : "", difference.found,
                  difference.expected);
-    free(copies);
 }
 
 static bool is_input(enum kind kind)

@@ -151,8 +151,9 @@ static void record(const char *name, const char *source)
     assert_int_equal(status, 0);
 }
 
-/* A copy of a.lcm with one bit flipped in the n-th event of `channel`, `at` bytes from its end. */
-static void edit(const char *name, const char *channel, int n, uint32_t at)
+/* A copy of a.lcm with one bit flipped in the n-th event of `channel`, in byte `at` of its data; of
+ * a negative number, so many bytes from its end. */
+static void edit(const char *name, const char *channel, int n, int32_t at)
 {
     struct fv_lcmlog *log;
     struct fv_lcmlog_event event;
@@ -162,7 +163,7 @@ static void edit(const char *name, const char *channel, int n, uint32_t at)
     while (offset < 0 && fv_lcmlog_next(log, &event, &error) == FOVEA_OK)
         if (strcmp(event.channel, channel) == 0 && n-- == 0)
             offset = (long)event.offset + FV_LCMLOG_HEADER_BYTES + (long)strlen(channel) +
-                     (long)(event.bytes - at);
+                     (at < 0 ? (long)event.bytes + at : at);
     fv_lcmlog_close(log);
     assert_true(offset > 0);
     FILE *from = fopen(path("a.lcm"), "rb"), *to = fopen(path(name), "wb");
@@ -197,21 +198,41 @@ static void recordings_of_equal_runs_are_equal(void **state)
 static void an_edited_recording_is_named_by_frame_and_field(void **state)
 {
     (void)state;
-    edit("pose.lcm", "FOVEA_POSE", 13, 1); /* the last byte: latency_ns */
+    edit("pose.lcm", "FOVEA_POSE", 13, -9); /* the last byte of map_orientation */
     compare("pose.lcm");
     assert_true(compared.different);
     assert_int_equal(compared.sequence, 13);
     assert_string_equal(compared.inputs, "");
-    assert_non_null(strstr(compared.message, "POSE: "));
-    edit("state.lcm", "FOVEA_LOCKSTEP", 11, 1); /* the hash of the last message */
+    assert_non_null(strstr(compared.message, "POSE: map_orientation[3]: found "));
+    edit("state.lcm", "FOVEA_LOCKSTEP", 11, -1); /* the hash of the last message */
     compare("state.lcm");
     assert_int_equal(compared.sequence, 11);
     assert_true(compared.different && compared.message[0] != '\0');
-    edit("pixels.lcm", "FOVEA_FRAME", 9, 3000);
+    edit("pixels.lcm", "FOVEA_FRAME", 9, -3000);
     compare("pixels.lcm");
     assert_int_equal(compared.sequence, 9);
     assert_non_null(strstr(compared.inputs, "FRAME: images[0].data["));
     assert_string_equal(compared.message, "");
+}
+
+/* The readings of one board's clocks are not the other's: no difference. */
+static void readings_of_clocks_are_left_out(void **state)
+{
+    static const struct {
+        const char *channel;
+        int32_t at;
+    } readings[] = {{"FOVEA_POSE", -1},        /* latency_ns */
+                    {"FOVEA_CAMERA_POSE", 25}, /* stamp.utc_offset_ns, likewise below */
+                    {"FOVEA_FEATURES", 25},    {"FOVEA_FRAME", 25},
+                    {"FOVEA_INPUTS", 77},  /* utc_offset_ns */
+                    {"FOVEA_INPUTS", 85}}; /* latency_ns */
+    (void)state;
+    for (size_t i = 0; i < sizeof readings / sizeof readings[0]; i++) {
+        edit("clock.lcm", readings[i].channel, 13, readings[i].at);
+        compare("clock.lcm");
+        if (compared.different) fail_msg("%s: %s", compared.inputs, compared.message);
+        assert_int_equal(compared.iterations, 20);
+    }
 }
 
 static void other_inputs_are_named_as_such(void **state)
@@ -264,6 +285,7 @@ int main(void)
         cmocka_unit_test(another_picture_is_a_difference_of_inputs),
         cmocka_unit_test(recordings_of_equal_runs_are_equal),
         cmocka_unit_test(an_edited_recording_is_named_by_frame_and_field),
+        cmocka_unit_test(readings_of_clocks_are_left_out),
         cmocka_unit_test(other_inputs_are_named_as_such),
         cmocka_unit_test(what_is_no_recording_is_refused),
     };
