@@ -2,6 +2,7 @@
 #ifndef FOVEA_DRIVERS_FAULT_FILE_H
 #define FOVEA_DRIVERS_FAULT_FILE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "fovea/status.h"
@@ -11,5 +12,11 @@
  * names the line. */
 enum fovea_status fv_fault_file_read(const char *path, char *address, size_t capacity,
                                      struct fovea_error *error);
+
+enum { FV_FAULT_ADDRESS_BYTES = 4096 }; /* of a whole address, at most */
+
+/* The URI of a source with the schedules of its files in their place, so that it says by itself
+ * what it does; of other sources as it is. False: it is too long, or a file cannot be read. */
+bool fv_fault_uri_whole(const char *uri, char whole[FV_FAULT_ADDRESS_BYTES]);
 
 #endif

@@ -1,6 +1,11 @@
 #include "fault.h"
 
+#include <stdio.h>
+#include <string.h>
+
 #include "support/uri_options.h"
+
+enum { OPTIONS_BYTES = 2048 };
 
 static const char *const kind_names[] = {
 #define FV_FAULT(name, needs_last) #name,
@@ -57,6 +62,37 @@ static enum fovea_status kinds_check(uint32_t kinds, struct fovea_error *error)
     return FOVEA_OK;
 }
 
+static bool is_kind(const char *name)
+{
+    for (int i = 0; kind_names[i] != NULL; i++)
+        if (strcmp(kind_names[i], name) == 0) return true;
+    return false;
+}
+
+/* "KIND=FRACTION" is short for "kind=KIND&fraction=FRACTION"; there is one in a schedule, as all of
+ * its kinds strike the same frames. False: it does not fit. */
+static bool written_out(const char *text, char out[OPTIONS_BYTES])
+{
+    size_t length = 0;
+    out[0] = '\0';
+    for (const char *at = text; *at != '\0';) {
+        char name[FV_URI_WORD_BYTES];
+        const char *value = at;
+        const size_t whole = strcspn(at, "&");
+        fv_uri_next_word(&value, "=&", name);
+        const bool is_short = *value++ == '=' && is_kind(name);
+        const int more =
+            is_short ? snprintf(out + length, OPTIONS_BYTES - length, "%skind=%s&fraction=%.*s",
+                                length > 0 ? "&" : "", name, (int)(at + whole - value), value)
+                     : snprintf(out + length, OPTIONS_BYTES - length, "%s%.*s",
+                                length > 0 ? "&" : "", (int)whole, at);
+        if (more < 0 || length + (size_t)more >= OPTIONS_BYTES) return false;
+        length += (size_t)more;
+        at += whole + (at[whole] == '&');
+    }
+    return true;
+}
+
 enum fovea_status fv_fault_options_parse(const char *text, struct fv_fault_options *options,
                                          struct fovea_error *error)
 {
@@ -67,7 +103,9 @@ enum fovea_status fv_fault_options_parse(const char *text, struct fv_fault_optio
 #undef FV_FAULT_OPTION
     };
     uint64_t given;
-    const enum fovea_status status = fv_uri_options_parse(&options_table, text, &o, &given, error);
+    char whole[OPTIONS_BYTES];
+    const enum fovea_status status = fv_uri_options_parse(
+        &options_table, written_out(text, whole) ? whole : text, &o, &given, error);
     if (status != FOVEA_OK) return status;
     if (o.kinds == 0)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,

@@ -561,7 +561,7 @@ static void fault_reads(const struct fovea_source *source,
 const struct fovea_source_ops fv_source_fault = {
     .name = "fault",
     .help =
-        "URI?kind=KIND[,KIND...][&OPTION=VALUE...]  another source with faults by a seeded schedule, or by those of a file (URI?file=PATH):"
+        "URI?kind=KIND[,KIND...][&OPTION=VALUE...]  another source with faults by a seeded schedule (KIND=FRACTION is short for kind=KIND&fraction=FRACTION), or by those of a file (URI?file=PATH):"
 #define FV_FAULT(name, needs_last) " " #name
 #define FV_FAULT_OTHER(name) " " #name
 #include "faults.def"

@@ -7,6 +7,7 @@
 
 #include "support/lcmlog.h"
 #include "support/aligned.h"
+#include "drivers/fault/file.h"
 #include "app/config/classes.h"
 #include "app/config/model_file.h"
 #include "app/record/recording_types.h"
@@ -125,7 +126,9 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     size_t text_bytes = 0, types_bytes = 0, in_force_bytes = 0;
     uint32_t rig_size = 0;
     char *text = settings_text(settings, &text_bytes);
-    char *types = fv_recording_types_text(&types_bytes);
+    char *types = fv_recording_types_text(&types_bytes), source[FV_FAULT_ADDRESS_BYTES];
+    if (!fv_fault_uri_whole(settings->source, source))
+        snprintf(source, sizeof source, "%s", settings->source);
     char *in_force = in_force_text(settings, middle, &in_force_bytes);
     uint8_t *rig_data = rig_bytes(&settings->runtime.rig, &rig_size);
     if (text == NULL || types == NULL || rig_data == NULL || in_force == NULL) {
@@ -142,7 +145,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
         .version = (char *)FOVEA_VERSION,
         .machine = (char *)(PROCESSOR ", " COMPILER),
         .kernel_set = (char *)kernel_set,
-        .source = (char *)settings->source,
+        .source = source,
         .real_time = real_time,
         .channel_prefix = (char *)settings->runtime.channel_prefix,
         .parts = parts,

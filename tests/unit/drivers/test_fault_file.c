@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include "../../../drivers/fault/fault.h"
+#include "../../../drivers/fault/file.h"
 #include "../../../drivers/table.h"
 #include "base/hash.h"
 #include "common/datasets.h"
@@ -79,6 +80,28 @@ static void lines_are_faults_within_each_other(void **state)
     assert_true(frames < own);
 }
 
+/* What a recording states as its source. */
+static void the_schedules_of_files_are_written_out(void **state)
+{
+    static const char *const plain[] = {SIM, "fault:" SIM "?kind=blur&seed=3",
+                                        "fault:fault:tum:/a?b?kind=blur?kind=noise", "fault:x"};
+    char uri[sizeof path + 128], whole[FV_FAULT_ADDRESS_BYTES];
+    (void)state;
+    for (size_t i = 0; i < sizeof plain / sizeof plain[0]; i++) {
+        assert_true(fv_fault_uri_whole(plain[i], whole));
+        if (i < 3) assert_string_equal(whole, plain[i]);
+    }
+    write_file("black first=10\n# then\ndrop seed=3");
+    snprintf(uri, sizeof uri, "fault:fault:" SIM "?file=%s?kind=noise", path);
+    assert_true(fv_fault_uri_whole(uri, whole));
+    assert_string_equal(whole, "fault:fault:fault:" SIM
+                               "?kind=black&first=10?kind=drop&seed=3?kind=noise");
+    uint32_t frames, expected;
+    assert_true(play(uri, &frames) == play(whole, &expected) && frames == expected);
+    remove(path);
+    assert_false(fv_fault_uri_whole(uri, whole));
+}
+
 static void note(void *context, const char *file)
 {
     *(bool *)context = strcmp(file, path) == 0 || *(bool *)context;
@@ -143,6 +166,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lines_are_faults_within_each_other),
+        cmocka_unit_test(the_schedules_of_files_are_written_out),
         cmocka_unit_test(the_file_is_one_that_is_read),
         cmocka_unit_test(wrong_files_are_refused),
     };

@@ -96,6 +96,15 @@ static void schedule_keeps_what_the_options_say(void **state)
     assert_int_not_equal(other, faulty);
 }
 
+static void a_kind_may_stand_with_its_fraction(void **state)
+{
+    (void)state;
+    const struct fv_fault_options brief = options_of("seed=3&drop=0.1&first=7"),
+                                  whole = options_of("seed=3&kind=drop&fraction=0.1&first=7");
+    assert_true(brief.kinds == whole.kinds && brief.fraction == whole.fraction);
+    assert_true(brief.fraction == 0.1 && brief.first == 7 && brief.seed == 3);
+}
+
 static void wrong_options_are_refused_in_one_line(void **state)
 {
     static const char *const wrong[][2] = {
@@ -106,6 +115,10 @@ static void wrong_options_are_refused_in_one_line(void **state)
         {"kind=blur,", "kind: found 'blur,'"},
         {"kind=blur,,black", "kind: found"},
         {"kind=blur&kind=black", "kind: found a second time"},
+        {"drop=0.1&blur=0.1", "kind: found a second time"},
+        {"drop=2", "fraction: found"},
+        {"drop=", "fraction: found ''"},
+        {"drop", "unknown option 'drop'"},
         {"kind=blur&fraction=0", "fraction: found '0'"},
         {"kind=blur&shortest=0", "shortest: found '0'"},
         {"kind=blur&shortest=9&longest=8", "longest: found 8"},
@@ -153,6 +166,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(schedule_is_the_same_in_any_order),
         cmocka_unit_test(schedule_keeps_what_the_options_say),
+        cmocka_unit_test(a_kind_may_stand_with_its_fraction),
         cmocka_unit_test(wrong_options_are_refused_in_one_line),
         cmocka_unit_test(kinds_that_add_up_are_taken),
     };
