@@ -231,6 +231,8 @@ static void tell(struct fv_run_health *health, int64_t now_ns)
     if (!atomic_compare_exchange_strong(&health->news, &ready, FV_RUN_HEALTH_SENT) &&
         ready == FV_RUN_HEALTH_TAKEN)
         return;
+    const bool told_before = health->told_ns > 0 && now_ns - health->told_ns >= FV_SECOND_NS;
+    health->untaken = risen(&health->takes_seen, atomic_load(&health->takes)) == 0 && told_before;
     health->told_ns = now_ns;
     health->told = health->judged;
     health->told_late = health->dropped_now;
@@ -258,14 +260,15 @@ static uint32_t encode(struct fv_run *run, fovea_stamp_t stamp, uint8_t data[FV_
     return bytes > 0 ? (uint32_t)bytes : 0;
 }
 
-/* While the loop does not move, this thread sends by itself, without the stamp, which is the
- * loop's; the feed is the loop's as well. */
+/* While the loop does not move, or waits for the time of a frame that it has, this thread sends by
+ * itself, without the stamp, which is the loop's; the feed is the loop's as well. */
 static void send_for_loop(struct fv_run *run)
 {
     struct fv_run_health *health = &run->health;
     uint8_t data[FV_HEALTH_BYTES_MAX];
     int news = FV_RUN_HEALTH_READY;
-    if (health->stood_ns <= (int64_t)run->settings.health_silence_ms * 1000000 ||
+    const bool hangs = health->stood_ns > (int64_t)run->settings.health_silence_ms * 1000000;
+    if (!(hangs || health->untaken) ||
         !atomic_compare_exchange_strong(&health->news, &news, FV_RUN_HEALTH_SENT))
         return;
     const uint32_t bytes = encode(run, fv_message_stamp(NULL, 0), data);
@@ -304,6 +307,7 @@ void fv_run_health_work(struct fv_run *run, const struct fovea_inputs *inputs)
     int news = FV_RUN_HEALTH_READY;
     if (!atomic_compare_exchange_strong(&health->news, &news, FV_RUN_HEALTH_TAKEN)) return;
     const uint32_t bytes = encode(run, health->stamp, data);
+    atomic_fetch_add_explicit(&health->takes, 1, memory_order_relaxed);
     atomic_store_explicit(&health->news, FV_RUN_HEALTH_SENT, memory_order_release);
     if (bytes == 0) return;
     const struct fovea_message out = {health->channel, data, bytes, true};

@@ -1,7 +1,7 @@
 /* The health of a run, gathered four times a second by the watching thread and sent by the loop as
- * health_t: once a second, and when the state of a part changes. While a step hangs the watching
- * thread sends it, over LCM alone. Only where frames come by the clock: a recording at full speed
- * is no robot.
+ * health_t: once a second, and when the state of a part changes. While a step hangs, or the loop
+ * waits for longer, the watching thread sends it, over LCM alone. Only where frames come by the
+ * clock: a recording at full speed is no robot.
  *
  * Heat: the watching thread also lowers the share of the period that the governor may use
  * (host.h). */
@@ -48,6 +48,8 @@ struct fv_run_health {
     int64_t picture_ns, inference_ns;             /* when they last changed */
     int64_t looked_ns, stood_ns; /* the last look; for how long the loop has not moved */
     int64_t told_ns;
+    uint64_t takes_seen; /* `takes`, when it was last told */
+    bool untaken;        /* the loop has sent nothing of what it was handed a second before */
     char history_path[FV_SETTINGS_PATH_BYTES]; /* as settings say; "": it is not kept */
     struct fv_history history;
     int64_t counted_ns, kept_ns;  /* when seconds were last counted, and the file written */
@@ -59,8 +61,8 @@ struct fv_run_health {
     _Atomic int news;                /* enum fv_run_health_news */
 
     /* The loop's. */
-    _Atomic uint64_t inferences_now;
-    fovea_stamp_t stamp; /* of the last frame */
+    _Atomic uint64_t inferences_now, takes; /* of networks; of what was told */
+    fovea_stamp_t stamp;                    /* of the last frame */
 };
 
 /* Before the loop: whether there is health at all, the self-test, and one start more in the
