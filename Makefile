@@ -672,7 +672,7 @@ $(BUILD)/tests/kernels/test_kernels: TEST_MORE := $(KERNEL_CHECKS)
 WRONG_TESTS := $(BUILD)/tests/unit/app/config/test_wrong_values $(BUILD)/tests/unit/app/run/test_wrong $(BUILD)/tests/unit/app/run/test_kept
 $(WRONG_TESTS): $(call objs,tests/common/wrong_case.c)
 $(WRONG_TESTS): TEST_MORE := $(call objs,tests/common/wrong_case.c)
-PROGRAM_TESTS := $(BUILD)/tests/realtime/test_ends $(BUILD)/tests/realtime/test_host
+PROGRAM_TESTS := $(BUILD)/tests/realtime/test_ends $(BUILD)/tests/realtime/test_host $(BUILD)/tests/realtime/test_reclaim
 $(PROGRAM_TESTS): $(call objs,tests/common/program.c)
 $(PROGRAM_TESTS): TEST_MORE := $(call objs,tests/common/program.c)
 # The planner of an example, and a campaign that drives by it.
