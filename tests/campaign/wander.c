@@ -12,8 +12,9 @@
  * that is in no file, the resident set and open descriptors equal to the byte; and of ten equal
  * parts behind that step the last may take at most 1.05 times what the first takes. Other programs
  * that come and go slow CPU time down, too: of each part the least median of ten stretches counts
- * (a part of under 20,000 steps is one stretch), and is printed. At least half of the frames must
- * be posed: what sees nothing has nothing that could grow. */
+ * (a part of under 20,000 steps is one stretch), and is printed. Of fewer than 100,000 steps the
+ * ratio is not judged: what is seen in a part decides more. At least half of the frames must be
+ * posed: what sees nothing has nothing that could grow. */
 #include <dirent.h>
 #include <inttypes.h>
 #include <math.h>
@@ -31,7 +32,7 @@
 #include "fovea/source.h"
 #include "runtime/state.h"
 
-enum { PARTS = 10, STRETCHES = 10, STRETCH_MIN = 2000 };
+enum { PARTS = 10, STRETCHES = 10, STRETCH_MIN = 2000, DRIFT_STEPS = 100000 };
 
 static const double ratio_max = 1.05, posed_min = 0.5;
 
@@ -209,7 +210,8 @@ static void say_map(const struct walk *walk)
 static int soak(size_t steps, const char *options)
 {
     struct walk walk = {.frames = steps, .soak = true};
-    const size_t early = steps < 100000 ? steps / PARTS : 10000, part = (steps - early) / PARTS;
+    const size_t early = steps < DRIFT_STEPS ? steps / PARTS : 10000,
+                 part = (steps - early) / PARTS;
     char uri[256];
     (void)snprintf(uri, sizeof uri, "sim:wander?%s",
                    options != NULL ? options : "width=160&height=120");
@@ -224,14 +226,17 @@ static int soak(size_t steps, const char *options)
     }
     printf("\n");
     const double ratio = last / first;
-    const bool steady = ratio <= ratio_max;
+    const bool judged = steps >= DRIFT_STEPS, steady = !judged || ratio <= ratio_max;
     say_map(&walk);
     printf("step %zu: %" PRIu64 " bytes in no file, %" PRIu64
            " resident, %d descriptors; %zu looks later %s\n",
            early, walk.held.anonymous, walk.held.resident, walk.held.descriptors, walk.looks,
            walk.changed_at == 0 ? "all are equal" : "NOT ALL ARE EQUAL");
     printf("%.4f in the first of the ten parts behind it, %.4f in the last (%.3f times)%s\n", first,
-           last, ratio, steady ? "" : ": DRIFT");
+           last, ratio,
+           !judged  ? ", not judged"
+           : steady ? ""
+                    : ": DRIFT");
     end(&walk);
     const bool sees = (double)walk.posed >= posed_min * (double)steps;
     if (!sees) printf("fewer than %.0f %% of the frames are posed\n", 100 * posed_min);
