@@ -19,7 +19,8 @@ extern "C" {
 #endif
 
 enum {
-    FOVEA_SEGMENTATION_CLASSES_MAX = 64, /* of one image: those that most pixels have */
+    FOVEA_SEGMENTATION_CLASSES_MAX = 255, /* all that a network tells apart: none is left out */
+    FOVEA_SEGMENTATION_OBJECTS_MAX = 64,  /* of one image, where it masks objects: the best */
     FOVEA_SEGMENTATION_NONE = 255
 };
 

@@ -31,7 +31,7 @@ void fv_detect_mask_size(const struct fv_model *model, int32_t *width, int32_t *
     const struct fv_model_tensor *t =
         output_of(model, labelled ? FV_ROLE_BOXES : FV_ROLE_PROTOTYPES);
     if (t == NULL || t->rank < 2 || t->rank > 4) return;
-    if (labelled ? channels_of(t) >= FOVEA_SEGMENTATION_NONE
+    if (labelled ? channels_of(t) > FOVEA_SEGMENTATION_CLASSES_MAX
                  : t->rank != 4 || d->coefficients < 1 || t->dims[3] != d->coefficients)
         return;
     const int32_t first = t->rank == 2 ? 0 : 1, h = t->dims[first], w = t->dims[first + 1];
@@ -138,7 +138,7 @@ bool fv_detect_mask_objects(const struct fv_head_job *j, const struct fovea_dete
     const struct fv_head_output *prototypes = fv_head_role(j, FV_ROLE_PROTOTYPES);
     const struct fv_segmentation_place place =
         fv_segmentation_place(j->model, j->fit, mask->width, mask->height);
-    if (count > FOVEA_SEGMENTATION_CLASSES_MAX) count = FOVEA_SEGMENTATION_CLASSES_MAX;
+    if (count > FOVEA_SEGMENTATION_OBJECTS_MAX) count = FOVEA_SEGMENTATION_OBJECTS_MAX;
     if (*object >= count) return true;
     const int32_t i = (int32_t)*object;
     const struct fovea_detection *d = &objects[i];
@@ -205,21 +205,11 @@ static int32_t class_of(const struct fv_head_job *j, const struct fv_head_output
     return value > -0.5f && value < (float)FOVEA_SEGMENTATION_NONE ? (int32_t)(value + 0.5f) : -1;
 }
 
-/* The classes that most pixels have, by their number. */
+/* The classes that pixels have, by their number. */
 static void list_classes(const struct fv_model *model, struct fv_detect_mask *mask)
 {
-    bool listed[FOVEA_SEGMENTATION_NONE] = {false};
-    for (int n = 0; n < FOVEA_SEGMENTATION_CLASSES_MAX; n++) {
-        int best = -1;
-        for (int c = 0; c < FOVEA_SEGMENTATION_NONE; c++)
-            if (!listed[c] && mask->pixels[c] > 0 &&
-                (best < 0 || mask->pixels[c] > mask->pixels[best]))
-                best = c;
-        if (best < 0) break;
-        listed[best] = true;
-    }
-    for (int c = 0; c < FOVEA_SEGMENTATION_NONE; c++) {
-        if (!listed[c]) continue;
+    for (int c = 0; c < FOVEA_SEGMENTATION_CLASSES_MAX; c++) {
+        if (mask->pixels[c] == 0) continue;
         mask->segments[mask->count] = segment_of(model, c, -1, __builtin_nanf(""), mask->pixels[c]);
         mask->index[c] = (uint8_t)mask->count++;
     }

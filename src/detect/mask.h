@@ -22,7 +22,7 @@ enum { FV_DETECT_MASK_SIDE_MAX = 8192, FV_DETECT_MASK_PIXELS_MAX = 1 << 20 };
 
 struct fv_detect_mask {
     int32_t width, height, count;
-    struct fovea_segmentation_class segments[FOVEA_SEGMENTATION_CLASSES_MAX];
+    struct fovea_segmentation_class segments[FOVEA_SEGMENTATION_CLASSES_MAX]; /* all there are */
     /* Of what a pixel holds, the place in the segments; FOVEA_SEGMENTATION_NONE: none. */
     uint8_t index[256];
     uint32_t pixels[256]; /* that hold it */

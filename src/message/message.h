@@ -340,13 +340,14 @@ size_t fv_message_classes_size_max(uint32_t count_max);
 uint32_t fv_message_classes_encode(const struct fv_message_classes *in, uint8_t *buffer,
                                    size_t capacity);
 
-/* A mask, from row `*row` on. */
-enum { FV_MESSAGE_SEGMENTS_MAX = FOVEA_SEGMENTATION_CLASSES_MAX };
+/* A mask, from row `*row` on. Of more than FV_MESSAGE_SEGMENTS_MAX classes those that most pixels
+ * have are sent, the first of equal ones; pixels of the others as of no class. */
+enum { FV_MESSAGE_SEGMENTS_MAX = 64 };
 struct fv_message_segmentation {
-    fovea_stamp_t stamp;                        /* of the image looked at */
-    const char *model;                          /* cut as labels are */
-    const char *names[FV_MESSAGE_SEGMENTS_MAX]; /* of the list's classes */
-    const struct fovea_segmentation *seen;      /* rows of at most 12,000 pixels */
+    fovea_stamp_t stamp;                               /* of the image looked at */
+    const char *model;                                 /* cut as labels are */
+    const char *names[FOVEA_SEGMENTATION_CLASSES_MAX]; /* of the list's classes */
+    const struct fovea_segmentation *seen;             /* rows of at most 12,000 pixels */
 };
 size_t fv_message_segmentation_size_max(void);
 /* Scratch that encoding needs, 4-byte aligned. */

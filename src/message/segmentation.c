@@ -42,6 +42,51 @@ size_t fv_message_segmentation_size_max(void)
            RUNS_MAX * (sizeof(int16_t) + 2);
 }
 
+/* Which classes of a mask a message lists, by their number in the mask's list. */
+struct listed {
+    uint32_t count;
+    uint8_t from[FV_MESSAGE_SEGMENTS_MAX]; /* place in the mask's list */
+    uint8_t index[256];                    /* of a pixel, place in the message's */
+};
+
+/* The most pixels that as many classes as a message lists reach, of a list that has more. */
+static uint32_t least_pixels(const struct fovea_segmentation *s)
+{
+    uint32_t reached = 0, beyond = (uint32_t)(s->width * s->height) + 1;
+    while (beyond - reached > 1) {
+        const uint32_t middle = reached + (beyond - reached) / 2;
+        uint32_t count = 0;
+        for (uint32_t i = 0; i < s->count; i++)
+            count += s->list[i].pixels >= middle;
+        if (count >= FV_MESSAGE_SEGMENTS_MAX)
+            reached = middle;
+        else
+            beyond = middle;
+    }
+    return reached;
+}
+
+static void list_classes(const struct fovea_segmentation *s, struct listed *listed)
+{
+    uint8_t place[256];
+    const bool all = s->count <= FV_MESSAGE_SEGMENTS_MAX;
+    const uint32_t least = all ? 0 : least_pixels(s);
+    uint32_t equal = FV_MESSAGE_SEGMENTS_MAX; /* so many of those that just reach it */
+    for (uint32_t i = 0; i < s->count; i++)
+        equal -= !all && s->list[i].pixels > least;
+    memset(place, FOVEA_SEGMENTATION_NONE, sizeof place);
+    listed->count = 0;
+    for (uint32_t i = 0; i < s->count; i++) {
+        const uint32_t pixels = s->list[i].pixels;
+        if (!all && (pixels < least || (pixels == least && equal == 0))) continue;
+        equal -= !all && pixels == least;
+        place[i] = (uint8_t)listed->count;
+        listed->from[listed->count++] = (uint8_t)i;
+    }
+    for (int i = 0; i < 256; i++)
+        listed->index[i] = place[s->index[i]];
+}
+
 /* A row of the mask; `confidence`: NULL, or as long. */
 struct row {
     const uint8_t *pixels, *index, *confidence;
@@ -105,7 +150,8 @@ static bool add_row(struct runs *runs, const struct row *row)
 }
 
 /* As many rows from `first` on as one message holds; returns the row after them. */
-static int32_t take_rows(struct runs *runs, const struct fovea_segmentation *s, int32_t first)
+static int32_t take_rows(struct runs *runs, const struct fovea_segmentation *s,
+                         const uint8_t index[256], int32_t first)
 {
     int32_t y = first;
     runs->count = 0;
@@ -113,7 +159,7 @@ static int32_t take_rows(struct runs *runs, const struct fovea_segmentation *s, 
          y++, pixels += s->width) {
         const size_t at = (size_t)y * (size_t)s->width;
         const struct row row = {.pixels = s->pixels + at,
-                                .index = s->index,
+                                .index = index,
                                 .confidence = s->confidence == NULL ? NULL : s->confidence + at,
                                 .width = s->width};
         if (!add_row(runs, &row)) break;
@@ -134,10 +180,12 @@ uint32_t fv_message_segmentation_encode(const struct fv_message_segmentation *in
     char names[FV_MESSAGE_SEGMENTS_MAX][FV_MESSAGE_LABEL_BYTES_MAX],
         model[FV_MESSAGE_LABEL_BYTES_MAX];
     const int32_t first = *row;
+    struct listed listed;
+    list_classes(s, &listed);
     fv_message_label(in->model, model);
-    for (uint32_t i = 0; i < s->count; i++) {
-        const struct fovea_segmentation_class *c = &s->list[i];
-        fv_message_label(in->names[i], names[i]);
+    for (uint32_t i = 0; i < listed.count; i++) {
+        const struct fovea_segmentation_class *c = &s->list[listed.from[i]];
+        fv_message_label(in->names[listed.from[i]], names[i]);
         list[i] =
             (fovea_segment_class_t){.class_id = c->class_id,
                                     .class_name = names[i],
@@ -148,7 +196,7 @@ uint32_t fv_message_segmentation_encode(const struct fv_message_segmentation *in
                                     .blue = c->blue,
                                     .fraction = (float)c->pixels / (float)(s->width * s->height)};
     }
-    *row = take_rows(runs, s, first);
+    *row = take_rows(runs, s, listed.index, first);
     const fovea_segmentation_t message = {.stamp = in->stamp,
                                           .model = model,
                                           .width = s->width,
@@ -157,7 +205,7 @@ uint32_t fv_message_segmentation_encode(const struct fv_message_segmentation *in
                                           .raw_scale_y = s->raw_scale[1],
                                           .raw_offset_x = s->raw_offset[0],
                                           .raw_offset_y = s->raw_offset[1],
-                                          .class_count = (int32_t)s->count,
+                                          .class_count = (int32_t)listed.count,
                                           .classes = list,
                                           .first_row = first,
                                           .row_count = *row - first,

@@ -106,10 +106,12 @@ static void of_sending(struct masking *m)
     static const int32_t lengths[] = {1, 2, 7, 8, 9, 64, SIDE * SIDE};
     uint8_t *pixels = take((size_t)SIDE * SIDE), *confidence = take((size_t)SIDE * SIDE),
             index[256];
-    struct fovea_segmentation_class list[FV_MESSAGE_SEGMENTS_MAX];
+    struct fovea_segmentation_class list[FOVEA_SEGMENTATION_CLASSES_MAX];
     memset(list, 0, sizeof list);
     for (int i = 0; i < 256; i++)
-        index[i] = (uint8_t)(i % FV_MESSAGE_SEGMENTS_MAX);
+        index[i] = (uint8_t)i;
+    for (uint32_t i = 0; i < FOVEA_SEGMENTATION_CLASSES_MAX; i++) /* the first are listed */
+        list[i].pixels = SIDE * SIDE / (i + 2);
     for (size_t i = 0; i < (size_t)SIDE * SIDE; i++)
         confidence[i] = (uint8_t)(i * 2654435761u >> 20);
     m->runs = take(fv_message_segmentation_scratch_bytes());
@@ -120,14 +122,14 @@ static void of_sending(struct masking *m)
                                           .image_width = SIDE,
                                           .image_height = SIDE,
                                           .raw_scale = {1, 1},
-                                          .count = FV_MESSAGE_SEGMENTS_MAX,
+                                          .count = FOVEA_SEGMENTATION_CLASSES_MAX,
                                           .list = list,
                                           .pixels = pixels,
                                           .index = index,
                                           .confidence = confidence};
     m->message.model = "a name of a model";
     m->message.seen = &m->seen;
-    for (int i = 0; i < FV_MESSAGE_SEGMENTS_MAX; i++)
+    for (int i = 0; i < FOVEA_SEGMENTATION_CLASSES_MAX; i++)
         m->message.names[i] = "a label as long as messages hold, and longer";
     for (size_t way = 0; way < sizeof lengths / sizeof lengths[0]; way++) {
         for (int32_t i = 0; i < SIDE * SIDE; i++)

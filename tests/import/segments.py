@@ -58,6 +58,10 @@ class Labeller:
         return self.b.bytes([self.image], [self.t])
 
 
+def numbered(count):
+    return "".join(f"class{i}\n" for i in range(count))
+
+
 def deeplab():
     return Labeller(side=8).enlarged().numbers()
 
@@ -81,7 +85,8 @@ def recognised(bench):
             ("a binary U-Net", Labeller(1).then("LOGISTIC", scale=1 / 256, zero=-128), one, 1, 1),
             ("Fast-SCNN, enlarged, then SOFTMAX", Labeller(side=8).enlarged().softmax(), names, 4, 1),
             ("Fast-SCNN's eighth, its first class no background", Labeller(side=8).softmax(), names, 4, 1),
-            ("enlarged to half of the input", Labeller(side=8).enlarged(32), names, 4, 0)):
+            ("enlarged to half of the input", Labeller(side=8).enlarged(32), names, 4, 0),
+            ("as many classes as masks tell apart", Labeller(255).softmax(), bench.file("most.txt", numbered(255)), 255, 1)):
         found = bench.run(made.bytes(), *(("--labels", labels) if labels else ()))
         bench.holds(what, str(told(found)), str(("segment", classes, classes if labels else 0, share, [])))
 
@@ -97,6 +102,8 @@ def not_recognised(bench):
              "fomo and segment both read"),
             ("fewer labels than classes", deeplab(), ("--labels", three), "tells 4 classes apart, found 3 labels"),
             ("another number of labels", Labeller().softmax(), ("--labels", three), "needs 4 labels, found 3"),
+            ("more classes than masks tell apart", Labeller(256).softmax(), ("--labels", bench.file("over.txt", numbered(256))),
+             "tells up to 255 classes apart, found 256"),
             ("a strip", Labeller(side=32).then("RESHAPE", "Reshape", (1, 16, 64, 4), NewShape=[1, 16, 64, 4]), ("--labels", names),
              "has the input's shape")):
         bench.refused(what, made.bytes(), text, *options)

@@ -3,8 +3,8 @@ import numpy as np
 
 from graph import ImportProblem, origin
 
-CLASSES_MAX = 254
-SHAPES = "one of [1, h, w], [1, h, w, 1] or [1, h, w, up to 254 classes]"
+CLASSES_MAX = 255
+SHAPES = "one of [1, h, w], [1, h, w, 1] or [1, h, w, up to 255 classes]"
 
 
 def arg_max(e):

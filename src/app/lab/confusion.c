@@ -18,17 +18,17 @@ static int32_t class_of(const struct fv_model *model, const char *name)
     const int32_t labels = (int32_t)fv_model_label_count(model);
     const int32_t classes = model->header->decode.classes;
     int64_t number;
-    for (int32_t c = 0; c < FOVEA_SEGMENTATION_NONE && c < labels; c++)
+    for (int32_t c = 0; c < FV_CONFUSION_CLASSES_MAX && c < labels; c++)
         if (strcmp(fv_detect_label(model, c), name) == 0) return c;
     if (!fv_text_integer(name, &number) || number < 0) return -1;
-    return number < (classes > 0 ? classes : FOVEA_SEGMENTATION_NONE) ? (int32_t)number : -1;
+    return number < FV_CONFUSION_CLASSES_MAX && (classes <= 0 || number < classes) ? (int32_t)number
+                                                                                   : -1;
 }
 
-/* The row of a class, a new one where it has none; -1: there are too many. */
+/* The row of a class, a new one where it has none. */
 static int32_t row_for(struct fv_confusion *c, int32_t class_id, const char *name)
 {
     if (c->column_of[class_id] != FOVEA_SEGMENTATION_NONE) return c->column_of[class_id];
-    if (c->count == FV_CONFUSION_CLASSES_MAX) return -1;
     snprintf(c->names[c->count], FV_CONFUSION_NAME_BYTES, "%.63s", name);
     c->column_of[class_id] = (uint8_t)c->count;
     return c->count++;
@@ -68,9 +68,6 @@ static enum fovea_status take_line(struct fv_confusion *c, char *line, const str
             "%s: found class %s, expected a label or number of the network's, other or ignore", at,
             fv_text_quote(name, quoted, sizeof quoted));
     c->row_of[label] = row_for(c, class_id, name);
-    if (c->row_of[label] < 0)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found more than %d classes", at,
-                               FV_CONFUSION_CLASSES_MAX);
     return FOVEA_OK;
 }
 

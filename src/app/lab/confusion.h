@@ -10,7 +10,7 @@
 #include "fovea/status.h"
 #include "nn/model.h"
 
-enum { FV_CONFUSION_CLASSES_MAX = 64, FV_CONFUSION_NAME_BYTES = 64 };
+enum { FV_CONFUSION_CLASSES_MAX = FOVEA_SEGMENTATION_CLASSES_MAX, FV_CONFUSION_NAME_BYTES = 64 };
 
 /* Judged are the network's classes that the map names. Of the last row and column, "other", are the
  * labels that the map calls so, and what the network takes for a class that is not judged or for

@@ -133,6 +133,36 @@ static void one_score_is_a_class_from_its_threshold_on(void **state)
     }
 }
 
+/* Each class of a network is listed, however few pixels it has: what reads a mask, such as the
+ * grid, would take one that is left out for no class at all. */
+static void no_class_is_left_out(void **state)
+{
+    (void)state;
+    enum { W = 20, H = 20, MOST = FOVEA_SEGMENTATION_CLASSES_MAX };
+    struct fovea_segmentation seen;
+    for (int numbers = 0; numbers < 2; numbers++) {
+        describe(W, H, W, H, numbers ? 1 : MOST);
+        memset(arena, 0, sizeof arena);
+        if (numbers) {
+            tensors[1].scale = 1;
+            file.header.decode.classes = 0;
+        }
+        for (int32_t at = 0; at < W * H; at++) { /* the last ones only once */
+            const int32_t class_id = at < MOST ? at : at % 99;
+            arena[numbers ? at : at * MOST + class_id] = numbers ? (uint8_t)class_id : 200;
+        }
+        const struct fv_nn_input_fit fit = fit_of(W, H);
+        see(&fit, &seen);
+        assert_int_equal(seen.count, MOST);
+        for (int c = 0; c < MOST; c++)
+            assert_int_equal(seen.list[c].class_id, c);
+        assert_int_equal(seen.list[MOST - 1].pixels, 1);
+        for (int32_t at = 0; at < W * H; at++)
+            assert_int_equal(seen.list[seen.index[seen.pixels[at]]].class_id,
+                             at < MOST ? at : at % 99);
+    }
+}
+
 /* A mask of more than a unit, beside a picture that is narrower than the input: what lies left and
  * right of it has no class, in the rows too in which a unit ends. */
 static void what_is_beside_the_picture_has_no_class(void **state)
@@ -309,6 +339,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_pixel_has_its_best_class_with_its_confidence_and_area),
         cmocka_unit_test(one_score_is_a_class_from_its_threshold_on),
+        cmocka_unit_test(no_class_is_left_out),
         cmocka_unit_test(what_is_beside_the_picture_has_no_class),
         cmocka_unit_test(colours_are_the_files_or_vocs),
         cmocka_unit_test(the_mask_at_the_size_of_the_image_follows_its_rule),

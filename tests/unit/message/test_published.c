@@ -21,7 +21,6 @@
 #include "fovea_map_t.h"
 #include "fovea_objects_t.h"
 #include "fovea_pose_t.h"
-#include "fovea_segmentation_t.h"
 
 static const fovea_stamp_t stamp = {
     .time_ns = 1234567890123, .clock = 1, .meaning = 2, .utc_offset_ns = -5, .sequence = 77};
@@ -366,84 +365,6 @@ static void the_most_classes_come_back(void **state)
     fovea_classes_t_decode_cleanup(&out);
 }
 
-/* A mask of noise, which takes more runs than a message holds, and one of a single segment: the
- * messages together have each pixel once. */
-static void masks_of_any_size_come_back(void **state)
-{
-    (void)state;
-    enum { W = 400, H = 401 };
-    static uint8_t pixels[W * H], back[W * H], sure[W * H], index[256];
-    static struct fovea_segmentation_class list[FV_MESSAGE_SEGMENTS_MAX];
-    static struct fovea_segmentation seen = {.width = W,
-                                             .height = H,
-                                             .raw_scale = {2, 3},
-                                             .list = list,
-                                             .pixels = pixels,
-                                             .index = index};
-    static struct fv_message_segmentation in = {
-        .stamp = {.sequence = 5}, .model = "m", .seen = &seen};
-    static uint8_t data[FV_MESSAGE_PACKET_BYTES];
-    char label[200];
-    memset(label, 'x', sizeof label);
-    label[199] = '\0';
-    seen.count = FV_MESSAGE_SEGMENTS_MAX;
-    memset(index, 255, sizeof index);
-    for (int i = 0; i < FV_MESSAGE_SEGMENTS_MAX; i++) {
-        list[i] = (struct fovea_segmentation_class){.class_id = i,
-                                                    .object = -1,
-                                                    .score = NAN,
-                                                    .pixels = W * H / 2,
-                                                    .red = (uint8_t)i,
-                                                    .green = 77,
-                                                    .blue = 88};
-        in.names[i] = label;
-        index[i + 100] = (uint8_t)i;
-    }
-    void *scratch = malloc(fv_message_segmentation_scratch_bytes());
-    for (int variant = 0; variant < 4; variant++) {
-        const int noisy = variant % 2;
-        int messages = 0, whole = 0;
-        seen.confidence = variant < 2 ? NULL : sure;
-        for (int i = 0; i < W * H; i++)
-            sure[i] = (uint8_t)(i / 7 + i);
-        for (int i = 0; i < W * H; i++)
-            pixels[i] = (uint8_t)(noisy ? 90 + (i * 2654435761U >> 24) % 80 : 101);
-        for (int32_t row = 0; row < H; messages++) {
-            const int32_t first = row;
-            const uint32_t bytes =
-                fv_message_segmentation_encode(&in, &row, scratch, data, sizeof data);
-            fovea_segmentation_t out;
-            assert_true(row > first);
-            assert_fits_packet("fovea.segmentation_t", data, bytes);
-            assert_in_range(bytes, 1, fv_message_segmentation_size_max());
-            assert_int_equal(fovea_segmentation_t_decode(data, 0, (int)bytes, &out), bytes);
-            assert_true(out.first_row == first && out.row_count == row - first && out.width == W &&
-                        out.height == H && out.raw_scale_y == 3 &&
-                        out.class_count == FV_MESSAGE_SEGMENTS_MAX);
-            assert_true(out.classes[9].red == 9 && out.classes[2].green == 77 &&
-                        out.classes[7].blue == 88 && out.classes[3].fraction == 0.5F);
-            assert_int_equal(out.confidence_count, variant < 2 ? 0 : out.run_count);
-            for (int i = 0; i < out.run_count; i++) {
-                int sum = 0;
-                for (int k = 0; k < out.run_length[i]; k++) {
-                    sum += sure[whole];
-                    back[whole++] = out.run_class[i];
-                }
-                if (variant >= 2)
-                    assert_int_equal(out.run_confidence[i],
-                                     (int)lround((double)sum / out.run_length[i]));
-            }
-            assert_int_equal(whole, row * W);
-            fovea_segmentation_t_decode_cleanup(&out);
-        }
-        assert_int_equal(whole, W * H);
-        for (int i = 0; i < W * H; i++)
-            assert_int_equal(back[i], index[pixels[i]]);
-        assert_true(noisy ? messages > 10 : messages == 2);
-    }
-    free(scratch);
-}
-
 /* A quarter turn around z and a shift, so that each axis shows where it went. */
 static void the_most_objects_fit_a_packet(void **state)
 {
@@ -596,7 +517,6 @@ int main(void)
         cmocka_unit_test(the_most_detections_fit_a_packet),
         cmocka_unit_test(the_most_keypoints_fit_a_packet),
         cmocka_unit_test(the_most_classes_come_back),
-        cmocka_unit_test(masks_of_any_size_come_back),
         cmocka_unit_test(the_most_objects_fit_a_packet),
         cmocka_unit_test(the_largest_piece_of_the_map_comes_back),
         cmocka_unit_test(every_kind_fits_a_packet),
