@@ -229,7 +229,9 @@ static bool is_measured(const char *path)
 {
     static const char *const names[] = {"latency_ns",  "utc_offset_ns",  "utime",
                                         "frames_late", "resident_bytes", "temperature_c"};
-    const char *last = strrchr(path, '.') != NULL ? strrchr(path, '.') + 1 : path;
+    const char *last = path;
+    for (const char *dot = path; (dot = strchr(dot, '.')) != NULL; dot++)
+        last = dot + 1;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
         if (strcmp(last, names[i]) == 0) return true;
     return false;

@@ -1,5 +1,6 @@
 /* `fovea compare --live` as a whole program, in a network of the test's own: what two runs send is
- * compared by iteration, and what one of them did not send, or what is nonsense, is no equality. */
+ * compared by iteration, however far one of them is behind, and what one of them did not send, or
+ * what is nonsense, is no equality. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -211,6 +212,60 @@ static void nonsense_is_left_and_names_are_cleaned(void **state)
     expect("[31mred", 1);
 }
 
+/* ---- two real runs --------------------------------------------------------------------------- */
+
+#define CORRIDOR "sim:corridor?width=160&height=120&frames=40&rate=10"
+
+/* To its end, and until all that it sent was read: 40 messages, which one socket holds. */
+static void run_to_its_end(const char *prefix, const char *source)
+{
+    static struct watched run;
+    char name[64];
+    snprintf(name, sizeof name, "channel_prefix=%s", prefix);
+    const char *const arguments[] = {"--source",         source,      "--rate", "max",
+                                     "--quiet",          "--picture", "none",   "--set",
+                                     "lockstep_every=1", "--set",     name,     NULL};
+    watched_start(&run, "run", arguments);
+    assert_int_equal(watched_end(&run), 0);
+    watched_wait_until_read();
+}
+
+static void a_run_that_is_behind_has_sent_what_it_has(void **state)
+{
+    (void)state;
+    start("12");
+    run_to_its_end("RIGHT", CORRIDOR);
+    run_to_its_end("LEFT", CORRIDOR);
+    expect("equal: 12 iterations, 12 of them with hashes of the state\n", 0);
+}
+
+static void a_run_far_behind_is_compared_from_its_start(void **state)
+{
+    (void)state;
+    start("40");
+    run_to_its_end("LEFT", CORRIDOR);
+    run_to_its_end("RIGHT", "fault:" CORRIDOR "?kind=noise&first=10&count=1&shortest=3&longest=3");
+    expect("at frame 10 (iteration 10, stamp 1000000000 ns), after 10 equal iterations: inputs: "
+           "by their hash\n",
+           1);
+}
+
+/* What LEFT sent before it was heard may be where they became different. */
+static void what_was_not_heard_is_no_first_difference(void **state)
+{
+    (void)state;
+    start("40");
+    for (int64_t n = 50; n < 53; n++)
+        send_both(n);
+    struct sent other = sent_by(60);
+    send(LEFT, &other);
+    other.stages[1]++;
+    send(RIGHT, &other);
+    expect("after 3 equal iterations; iterations 53 to 59 were not seen of both, so what differed "
+           "first is not known; at this one: equal inputs; stage: odometry; message: none\n",
+           1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -220,6 +275,9 @@ int main(void)
         cmocka_unit_test(what_one_run_did_not_send_is_said),
         cmocka_unit_test(silence_ends_it),
         cmocka_unit_test(a_run_that_goes_on_alone_ends_it),
+        cmocka_unit_test(a_run_that_is_behind_has_sent_what_it_has),
+        cmocka_unit_test(a_run_far_behind_is_compared_from_its_start),
+        cmocka_unit_test(what_was_not_heard_is_no_first_difference),
         cmocka_unit_test(nonsense_is_left_and_names_are_cleaned),
     };
     if (!watched_possible("test_compare_live")) return 0;

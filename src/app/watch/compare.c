@@ -293,10 +293,11 @@ static void end(const struct side *a, const struct side *b, struct fv_compared *
         if (!a->whole || !b->whole)
             snprintf(compared->ended, sizeof compared->ended, "%.120s is cut off",
                      !a->whole ? a->path : b->path);
-        return;
+    } else {
+        snprintf(compared->ended, sizeof compared->ended, "%.120s %s there, the other goes on",
+                 shorter->path, shorter->whole ? "ends" : "is cut off");
     }
-    snprintf(compared->ended, sizeof compared->ended, "%.120s %s there, the other goes on",
-             shorter->path, shorter->whole ? "ends" : "is cut off");
+    compared->incomplete = compared->ended[0] != '\0';
 }
 
 enum fovea_status fv_compare_recordings(const char *a_path, const char *b_path,

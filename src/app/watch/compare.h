@@ -12,13 +12,17 @@
 struct fv_compared {
     uint64_t iterations, hashed; /* equal ones, and those among them with hashes of the state */
     bool different;
+    bool incomplete; /* not all was compared that was to be: `ended` says why */
+    /* Iterations before the one that differs, since the last equal one, that were not seen of both:
+     * with any, what became different first is not known, and what follows is about that one. */
+    uint64_t unseen;
     /* Of the first iteration that differs; "" for what is equal or not known. */
     uint64_t iteration;
     int64_t sequence, stamp_ns; /* of its last frame */
     char inputs[256];           /* what of the inputs; then the rest is "" */
     char stage[64];             /* the first one whose features or state differ */
     char message[256];          /* the first one that differs, its field and both values */
-    char ended[192];            /* one recording is longer, or cut off */
+    char ended[256];            /* where it ended before one of them: longer, cut off, behind */
 };
 
 /* Two lockstep_t of one iteration, encoded and well-formed: fills inputs, stage and message where
