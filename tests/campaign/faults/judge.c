@@ -139,29 +139,66 @@ static bool error_of(const struct faults_play *play, const struct faults_frame *
     return true;
 }
 
-/* Units per metre of a map in a unit of its own, by which its poses relative to their keyframes are
- * nearest to the truth in the sum of squared distances: covariances, which are judged by it, have
- * no part in it. `sure`: of poses in state `tracking` only. */
+/* What one pose says of the unit: of the motion since its keyframe the published one, and the true
+ * one of as many units as it has metres. */
+struct vote {
+    double published[3], truth[3];
+};
+
+/* False: it says nothing. */
+static bool vote_of(const struct faults_play *play, const struct faults_frame *frame,
+                    struct vote *vote)
+{
+    double none[6], one[6];
+    if (!is_finite(&frame->pose) || !error_of(play, frame, 0, none) ||
+        !error_of(play, frame, 1, one))
+        return false;
+    for (int k = 0; k < 3; k++) {
+        vote->published[k] = -none[k];
+        vote->truth[k] = one[k] - none[k];
+    }
+    return fv_norm3(vote->truth) > 0 && fv_dot3(vote->published, vote->truth) > 0;
+}
+
+/* How little the poses agree with the truth where a metre has so many units: each by its error
+ * relative to the way that the camera has gone, up to 1 where it is beyond `right` (S. Geman and D.
+ * McClure, 1987). */
+static double disagreement(const struct vote *votes, uint32_t count, double units)
+{
+    const double right = 0.1;
+    double sum = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        double error2 = 0, way2 = 0;
+        for (int k = 0; k < 3; k++) {
+            const double way = units * votes[i].truth[k], error = votes[i].published[k] - way;
+            error2 += error * error;
+            way2 += way * way;
+        }
+        sum += error2 / (error2 + right * right * way2);
+    }
+    return sum;
+}
+
+/* Units per metre of a map in a unit of its own: of those that single poses say, relative to their
+ * keyframes, the one that most agree with. Covariances, which are judged by it, have no part in it;
+ * and poses that are wrong do not make right ones wrong. `sure`: of poses in state `tracking` only.
+ */
 static bool fit_units(const struct faults_play *play, uint32_t map_id, bool sure, double *units)
 {
-    double square = 0, product = 0;
+    static struct vote votes[FAULTS_GIVEN_MAX];
+    double least = INFINITY;
     uint32_t count = 0;
-    for (uint32_t i = 0; i < play->count; i++) {
-        const struct faults_frame *frame = &play->frame[i];
-        const struct fovea_pose *pose = &frame->pose;
-        double none[6], one[6];
-        if (!takes_part(frame, map_id, false, sure) || !is_finite(pose) ||
-            !error_of(play, frame, 0, none) || !error_of(play, frame, 1, one))
-            continue;
-        for (int k = 0; k < 3; k++) {
-            const double length = one[k] - none[k]; /* of a metre */
-            square += length * length;
-            product -= none[k] * length;
-        }
-        count++;
+    for (uint32_t i = 0; i < play->count; i++)
+        count += takes_part(&play->frame[i], map_id, false, sure) &&
+                 vote_of(play, &play->frame[i], &votes[count]);
+    for (uint32_t i = 0; i < count; i++) {
+        const double *truth = votes[i].truth,
+                     of = fv_dot3(votes[i].published, truth) / fv_dot3(truth, truth),
+                     now = disagreement(votes, count, of);
+        if (now < least) *units = of;
+        least = fmin(least, now);
     }
-    *units = product / square;
-    return count >= (sure ? SURE_MIN : POSES_MIN) && *units > 0 && isfinite(*units);
+    return count >= (sure ? SURE_MIN : POSES_MIN) && isfinite(*units);
 }
 
 /* Metres per unit of the published world. 0: not known. */

@@ -8,12 +8,13 @@
  * whose pose or covariance is not finite is false, whatever the truth.
  *
  * A pose that claims metres is compared as it is. One whose scale is free is known up to the unit,
- * one for each map: the one by which the `tracking` poses of the map, relative to their keyframes,
- * are nearest to the truth in the sum of squared distances; or all its poses, where fewer than 3
- * are `tracking`. The covariances, which are judged by it, have no part in it. A similarity of the
- * whole path to the truth would not do: where the path leaps,
- * as it states, or is noisy, that makes the unit too long, by 20 % in a run whose lens zooms, 40
- * times in one that is blurred, and calls frames false that are right. It stands in where that unit
+ * one for each map: of those that the single `tracking` poses of the map say, relative to their
+ * keyframes, the one that most of them agree with to a tenth of the way; or all its poses, where
+ * fewer than 3 are `tracking`. The covariances, which are judged by it, have no part in it. A mean
+ * would not do: frames before the first fault are the same bits as without faults, and became false
+ * by a unit that few wrong poses at the end had pulled away. Nor would a similarity of the whole
+ * path to the truth: where the path leaps, as it states, or is noisy, that makes the unit too long,
+ * by 20 % in a run whose lens zooms, 40 times in one that is blurred. It stands in where that unit
  * is not determined. Maps with fewer than 10 poses, or without extent, are not judged. */
 #ifndef FOVEA_TESTS_CAMPAIGN_FAULTS_JUDGE_H
 #define FOVEA_TESTS_CAMPAIGN_FAULTS_JUDGE_H

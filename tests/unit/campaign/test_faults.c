@@ -125,14 +125,31 @@ static void weak_poses_give_no_unit_to_sure_ones(void **unused)
     assert_int_equal(verdict.judged, SURE - 1); /* the first is its own keyframe */
     assert_int_equal(verdict.wrong, 0);
     walk(FOVEA_SCALE_FREE);
-    bend(FRAMES / 2, 1.2, 0);
+    bend(FRAMES / 3, 1.2, 0);
     judge(&verdict, true);
     const uint32_t wrong = verdict.wrong;
-    for (int i = 0; i < FRAMES / 2; i++)
+    assert_true(wrong > FRAMES / 5 && wrong <= FRAMES / 3); /* the smaller part */
+    for (int i = FRAMES / 3; i < FRAMES; i++)
         for (int k = 0; k < 21; k++)
             play.frame[i].pose.covariance[k] *= UNSURE; /* these would count for nothing */
     judge(&verdict, true);
-    assert_true(wrong > FRAMES / 4 && verdict.wrong > 0);
+    assert_int_equal(verdict.wrong, wrong);
+}
+
+/* Few poses that are far off, and far away, as where a run ends lost, do not make the others wrong.
+ */
+static void wrong_poses_give_no_unit_to_right_ones(void **unused)
+{
+    (void)unused;
+    struct faults_verdict verdict;
+    walk(FOVEA_SCALE_FREE);
+    bend(FRAMES * 4 / 5, 0.5, 0);
+    for (int i = FRAMES * 4 / 5; i < FRAMES; i++) {
+        play.frame[i].truth[3] += 50.0 * (i % 10);
+        play.frame[i].pose.T_keyframe_cam[3] += 25.0 * (i % 10);
+    }
+    judge(&verdict, true);
+    assert_true(verdict.wrong > FRAMES / 10 && verdict.wrong <= FRAMES / 5);
 }
 
 /* A walk whose stamps leap in some windows. Frames whose stamps are not after that of the last
@@ -404,6 +421,7 @@ int main(void)
         cmocka_unit_test(a_right_walk_is_right),
         cmocka_unit_test(a_unit_is_that_of_relative_poses),
         cmocka_unit_test(weak_poses_give_no_unit_to_sure_ones),
+        cmocka_unit_test(wrong_poses_give_no_unit_to_right_ones),
         cmocka_unit_test(what_is_not_finite_is_false),
         cmocka_unit_test(leaping_stamps_are_no_wait),
         cmocka_unit_test(nothing_misses_the_bars),
