@@ -44,7 +44,8 @@ const struct fv_command fv_commands[] = {
      "first message with the field and both values. Stages are known of runs with lockstep_every: "
      "1, which then send hashes of all of their state. Clock readings, resident memory and "
      "temperature are left out. The exit status is 0 where nothing differs, 1 where something "
-     "does or nothing could be compared.",
+     "does, where a recording is cut off or ends before the other, or where not all could be "
+     "compared, and 2 where a file is no recording or is damaged.",
      "fovea compare board1.lcm board2.lcm\nfovea compare --live LEFT RIGHT --iterations 500"},
     {"echo", "print the messages of running robots as JSON", fv_command_echo,
      "CHANNEL is the name of a channel, or a pattern in which * stands for any letters and ? for "

@@ -27,6 +27,7 @@ struct fv_lcmlog {
     int64_t size, offset; /* bytes of the file; where the next event starts */
     uint8_t *buffer;
     size_t capacity;
+    bool cut_off; /* the last read found the end of the file within an event */
 };
 
 enum fovea_status fv_lcmlog_open(const char *path, struct fv_lcmlog **log,
@@ -76,9 +77,9 @@ static int64_t read_i64(const uint8_t *bytes)
     return (int64_t)((uint64_t)read_u32(bytes) << 32 | read_u32(bytes + 4));
 }
 
-static enum fovea_status cut_off(const struct fv_lcmlog *log, int64_t needed,
-                                 struct fovea_error *error)
+static enum fovea_status cut_off(struct fv_lcmlog *log, int64_t needed, struct fovea_error *error)
 {
+    log->cut_off = true;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "%s: byte %" PRId64 ": the event is cut off: found %" PRId64
                            " bytes to the end of the file, expected %" PRId64,
@@ -92,6 +93,7 @@ static enum fovea_status read_head(struct fv_lcmlog *log, struct fv_lcmlog_event
     uint8_t head[FV_LCMLOG_HEADER_BYTES];
     int64_t left = log->size - log->offset;
     event->offset = log->offset;
+    log->cut_off = false;
     if (left <= 0) return FOVEA_END;
     if (left < FV_LCMLOG_HEADER_BYTES || fread(head, sizeof head, 1, log->file) != 1)
         return cut_off(log, FV_LCMLOG_HEADER_BYTES, error);
@@ -157,6 +159,11 @@ enum fovea_status fv_lcmlog_next(struct fv_lcmlog *log, struct fv_lcmlog_event *
     event->data = log->buffer;
     log->offset += whole;
     return FOVEA_OK;
+}
+
+bool fv_lcmlog_cut_off(const struct fv_lcmlog *log)
+{
+    return log->cut_off;
 }
 
 enum fovea_status fv_lcmlog_skim(struct fv_lcmlog *log, struct fv_lcmlog_event *event,

@@ -55,7 +55,10 @@ void fv_lcmlog_close(struct fv_lcmlog *log);
 enum fovea_status fv_lcmlog_next(struct fv_lcmlog *log, struct fv_lcmlog_event *event,
                                  struct fovea_error *error);
 
-/* The same without reading the data: quick, for making an index. */
+/* Whether the last read failed because the file ends within an event: cut off, not damaged. */
+bool fv_lcmlog_cut_off(const struct fv_lcmlog *log);
+
+/* As fv_lcmlog_next without reading the data: quick, for making an index. */
 enum fovea_status fv_lcmlog_skim(struct fv_lcmlog *log, struct fv_lcmlog_event *event,
                                  struct fovea_error *error);
 

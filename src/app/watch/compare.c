@@ -75,8 +75,9 @@ struct side {
     const char *path;
     struct fv_lcmlog *log;
     struct fv_lcmlog_event next; /* read, and not taken */
-    bool at_end;                 /* there is no next */
+    bool at_end;                 /* there is no next, from the byte `end` on */
     bool whole;                  /* it ended with RECORDING_END */
+    int64_t end;
     size_t prefix_bytes;
     struct event *events; /* of the iteration */
     uint32_t count, capacity;
@@ -104,11 +105,13 @@ static const char *suffix_of(const struct side *side)
     return side->next.channel + (length > side->prefix_bytes ? side->prefix_bytes : 0);
 }
 
+/* An event that is cut off is the end of what was written. */
 static enum fovea_status advance(struct side *side, struct fovea_error *error)
 {
     const enum fovea_status status = fv_lcmlog_next(side->log, &side->next, error);
-    side->at_end = status == FOVEA_END;
-    return status == FOVEA_END ? FOVEA_OK : status;
+    side->at_end = status == FOVEA_END || fv_lcmlog_cut_off(side->log);
+    side->end = side->next.offset;
+    return side->at_end ? FOVEA_OK : status;
 }
 
 static enum fovea_status side_open(struct side *side, const char *path, struct fovea_error *error)
@@ -118,6 +121,7 @@ static enum fovea_status side_open(struct side *side, const char *path, struct f
     side->sequence = -1;
     enum fovea_status status = fv_lcmlog_open(path, &side->log, error);
     if (status == FOVEA_OK) status = advance(side, error);
+    if (status == FOVEA_OK && fv_lcmlog_cut_off(side->log)) status = FOVEA_ERROR_INPUT;
     if (status != FOVEA_OK) return status;
     if (side->at_end || !fv_lcmlog_channel_is(side->next.channel, first))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
@@ -286,17 +290,16 @@ static bool iteration_compare(const struct side *a, const struct side *b,
     return equal && compared->inputs[0] == '\0' && compared->message[0] == '\0';
 }
 
+/* At least one is at its end. */
 static void end(const struct side *a, const struct side *b, struct fv_compared *compared)
 {
-    const struct side *shorter = a->count == 0 ? a : b;
-    if (a->count == 0 && b->count == 0) {
-        if (!a->whole || !b->whole)
-            snprintf(compared->ended, sizeof compared->ended, "%.120s is cut off",
-                     !a->whole ? a->path : b->path);
-    } else {
-        snprintf(compared->ended, sizeof compared->ended, "%.120s %s there, the other goes on",
-                 shorter->path, shorter->whole ? "ends" : "is cut off");
-    }
+    const bool both = a->count == 0 && b->count == 0;
+    const struct side *shorter = both ? (a->whole ? b : a) : (a->count == 0 ? a : b);
+    char text[64] = "ends";
+    if (!shorter->whole) snprintf(text, sizeof text, "is cut off at byte %" PRId64, shorter->end);
+    if (!both || !shorter->whole)
+        snprintf(compared->ended, sizeof compared->ended, "%.120s %s%s", shorter->path, text,
+                 both ? "" : ", the other goes on");
     compared->incomplete = compared->ended[0] != '\0';
 }
 

@@ -30,8 +30,10 @@ struct fv_compared {
 bool fv_compare_lockstep(const uint8_t *a, uint32_t a_bytes, const uint8_t *b, uint32_t b_bytes,
                          struct fv_compared *compared);
 
-/* Two recordings, up to the first difference or the end of the shorter one. FOVEA_ERROR_INPUT: one
- * is no recording, or broken: `error` names file and byte. */
+/* Two recordings, up to the first difference or the end of the shorter one. The end is also where
+ * one is cut off, within an event or behind one: its last iteration may lack something and is left.
+ * FOVEA_ERROR_INPUT: one is no recording, or damaged: `error` names file and byte, and
+ * compared->iterations before that were equal. */
 enum fovea_status fv_compare_recordings(const char *a, const char *b, struct fv_compared *compared,
                                         struct fovea_error *error);
 

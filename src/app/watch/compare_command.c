@@ -134,6 +134,9 @@ int fv_command_compare(int argc, char **argv)
     const enum fovea_status status =
         heard ? live(&bus, sides, iterations, timeout_s, &compared, &error)
               : fv_compare_recordings(sides[0], sides[1], &compared, &error);
+    if (status == FOVEA_ERROR_INPUT && compared.iterations > 0)
+        return fv_say_wrong("fovea compare: %s; %" PRIu64 " iterations before were equal",
+                            error.text, compared.iterations);
     if (status != FOVEA_OK)
         return status == FOVEA_ERROR_INPUT ? fv_say_wrong("fovea compare: %s", error.text)
                                            : fv_say_failed("fovea compare: %s", error.text);

@@ -1,5 +1,6 @@
 /* Two runs on the same inputs are equal, over kernel sets too; a bit that is flipped in one of
  * them, in its state, its pixels or its recording, is named with its frame and stage. */
+#include <limits.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -128,19 +129,13 @@ static const char *path(const char *name)
     return paths[turn];
 }
 
-static void record(const char *name, const char *source)
+/* The exit status of `fovea` with the words of `line`. */
+static int command(char *line)
 {
-    char file[64];
-    snprintf(file, sizeof file, "%s", path(name));
     const pid_t child = fork();
     if (child == 0) {
-        char line[256], *words[20];
+        char *words[20];
         int count = 0;
-        snprintf(line, sizeof line,
-                 "fovea run --quiet --picture none --set lcm_url= --set lockstep_every=1 "
-                 "--set features.count_max=500 "
-                 "--frames 20 --source %s --record %s",
-                 source, file);
         for (char *word = strtok(line, " "); word != NULL; word = strtok(NULL, " "))
             words[count++] = word;
         words[count] = NULL;
@@ -148,12 +143,29 @@ static void record(const char *name, const char *source)
     }
     int status;
     assert_int_equal(waitpid(child, &status, 0), child);
-    assert_int_equal(status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
 }
 
-/* A copy of a.lcm with one bit flipped in the n-th event of `channel`, in byte `at` of its data; of
- * a negative number, so many bytes from its end. */
-static void edit(const char *name, const char *channel, int n, int32_t at)
+static void record(const char *name, const char *source)
+{
+    char line[320];
+    snprintf(line, sizeof line,
+             "fovea run --quiet --picture none --set lcm_url= --set lockstep_every=1 "
+             "--set features.count_max=500 --frames 20 --source %s --record %s",
+             source, path(name));
+    assert_int_equal(command(line), 0);
+}
+
+static int status_of_compare(const char *name)
+{
+    char line[160];
+    snprintf(line, sizeof line, "fovea compare %s ", path("a.lcm"));
+    snprintf(line + strlen(line), sizeof line - strlen(line), "%s", path(name));
+    return command(line);
+}
+
+/* Where the data of the n-th event of `channel` begins in a.lcm; its length in `bytes`. */
+static long place_of(const char *channel, int n, long *bytes)
 {
     struct fv_lcmlog *log;
     struct fv_lcmlog_event event;
@@ -162,18 +174,33 @@ static void edit(const char *name, const char *channel, int n, int32_t at)
     assert_int_equal(fv_lcmlog_open(path("a.lcm"), &log, &error), FOVEA_OK);
     while (offset < 0 && fv_lcmlog_next(log, &event, &error) == FOVEA_OK)
         if (strcmp(event.channel, channel) == 0 && n-- == 0)
-            offset = (long)event.offset + FV_LCMLOG_HEADER_BYTES + (long)strlen(channel) +
-                     (at < 0 ? (long)event.bytes + at : at);
+            offset = (long)event.offset + FV_LCMLOG_HEADER_BYTES + (long)strlen(channel);
+    *bytes = event.bytes;
     fv_lcmlog_close(log);
     assert_true(offset > 0);
+    return offset;
+}
+
+/* A copy of a.lcm up to byte `end`, with one bit flipped in byte `flipped`. */
+static void copy(const char *name, long flipped, long end)
+{
     FILE *from = fopen(path("a.lcm"), "rb"), *to = fopen(path(name), "wb");
     assert_non_null(from);
     assert_non_null(to);
     int byte;
-    for (long i = 0; (byte = fgetc(from)) != EOF; i++)
-        fputc(i == offset ? byte ^ 1 : byte, to);
+    for (long i = 0; i < end && (byte = fgetc(from)) != EOF; i++)
+        fputc(i == flipped ? byte ^ 1 : byte, to);
     fclose(from);
     assert_int_equal(fclose(to), 0);
+}
+
+/* A copy of a.lcm with one bit flipped in the n-th event of `channel`, in byte `at` of its data; of
+ * a negative number, so many bytes from its end. */
+static void edit(const char *name, const char *channel, int n, int32_t at)
+{
+    long bytes;
+    const long data = place_of(channel, n, &bytes);
+    copy(name, data + (at < 0 ? bytes : 0) + at, LONG_MAX);
 }
 
 static void compare(const char *name)
@@ -245,6 +272,51 @@ static void other_inputs_are_named_as_such(void **state)
     assert_non_null(strstr(compared.inputs, "FRAME"));
 }
 
+/* Within an event or behind one, by a crash: what was equal before is counted. The iteration in
+ * which it ends may lack something. */
+static void a_recording_that_is_cut_off_is_compared_up_to_there(void **state)
+{
+    (void)state;
+    long bytes;
+    const long data = place_of("FOVEA_FRAME", 9, &bytes),
+               event = data - FV_LCMLOG_HEADER_BYTES - (long)strlen("FOVEA_FRAME");
+    const long ends[] = {data + 5000, data + bytes - 1, event + 20, event};
+    for (size_t i = 0; i < sizeof ends / sizeof ends[0]; i++) {
+        char words[160];
+        copy("cut.lcm", -1, ends[i]);
+        compare("cut.lcm");
+        assert_false(compared.different);
+        assert_true(compared.incomplete);
+        assert_in_range(compared.iterations, 8, 9);
+        snprintf(words, sizeof words, "cut.lcm is cut off at byte %ld, the other goes on", event);
+        if (strstr(compared.ended, words) == NULL)
+            fail_msg("found \"%s\", expected \"%s\"", compared.ended, words);
+        assert_int_equal(status_of_compare("cut.lcm"), 1);
+    }
+    copy("cut.lcm", place_of("FOVEA_POSE", 5, &bytes) + 30, data + 5000); /* and differs before */
+    compare("cut.lcm");
+    assert_true(compared.different);
+    assert_int_equal(compared.sequence, 5);
+}
+
+static void what_is_damaged_is_refused_with_what_was_equal(void **state)
+{
+    struct fovea_error error = {0};
+    char a[64];
+    long bytes;
+    (void)state;
+    snprintf(a, sizeof a, "%s", path("a.lcm"));
+    copy("damaged.lcm",
+         place_of("FOVEA_FRAME", 9, &bytes) - FV_LCMLOG_HEADER_BYTES - (long)strlen("FOVEA_FRAME"),
+         LONG_MAX); /* its sync word */
+    assert_int_equal(fv_compare_recordings(a, path("damaged.lcm"), &compared, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "damaged.lcm: byte "));
+    assert_in_range(compared.iterations, 8, 9);
+    assert_int_equal(status_of_compare("damaged.lcm"), 2);
+    assert_int_equal(status_of_compare("b.lcm"), 0);
+}
+
 static void what_is_no_recording_is_refused(void **state)
 {
     struct fovea_error error = {0};
@@ -255,6 +327,10 @@ static void what_is_no_recording_is_refused(void **state)
     assert_int_equal(fv_compare_recordings(path("a.lcm"), path("none.lcm"), &compared, &error),
                      FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "none.lcm: byte 0: found nothing"));
+    copy("none.lcm", -1, 100); /* within its first event */
+    assert_int_equal(fv_compare_recordings(path("a.lcm"), path("none.lcm"), &compared, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "none.lcm: byte 0: the event is cut off"));
     assert_int_equal(fv_compare_recordings(path("a.lcm"), path("absent.lcm"), &compared, &error),
                      FOVEA_ERROR_INPUT);
 }
@@ -287,6 +363,8 @@ int main(void)
         cmocka_unit_test(an_edited_recording_is_named_by_frame_and_field),
         cmocka_unit_test(readings_of_clocks_are_left_out),
         cmocka_unit_test(other_inputs_are_named_as_such),
+        cmocka_unit_test(a_recording_that_is_cut_off_is_compared_up_to_there),
+        cmocka_unit_test(what_is_damaged_is_refused_with_what_was_equal),
         cmocka_unit_test(what_is_no_recording_is_refused),
     };
     return cmocka_run_group_tests(tests, run_and_record, clean);
