@@ -3,11 +3,17 @@
 # A commit is bad when `fovea replay LOG --verify` ends with a line of difference in which MESSAGE stands: a channel (POSE), a frame
 # ("frame 57 "), or both as a regular expression ("frame 57 .*POSE"). It is good when all is equal, and skipped when it does not
 # build, refuses the recording, or differs elsewhere first: what comes after the first difference is not known.
-# Usage: tools/bisect_replay.sh LOG MESSAGE [GOOD [BAD]]
-#   GOOD   default: the last commit before the recording began
+# Usage: tools/bisect_replay.sh [--trust-state] LOG MESSAGE [GOOD [BAD]]
+#   GOOD   default: the last commit before the recording began or, where its clock does not say when that was (a simulated camera), the
+#          tag of the version that made it
 #   BAD    default: HEAD
+#   --trust-state   LOG began in the middle of its run (command record), and is of your own robot: a replay takes the state in it as it
+#                   is, which can make the program do anything. Commits that lay out the state otherwise are skipped.
 set -eu
-[ $# -ge 2 ] && [ $# -le 4 ] || { sed -n '2,9s/^# //p' "$0" >&2; exit 2; }
+trust=
+[ "${1:-}" = --trust-state ] && trust=$1 && shift
+case ${1:-} in -*) set -- ;; esac
+[ $# -ge 2 ] && [ $# -le 4 ] || { sed -n '2,13s/^# //p' "$0" >&2; exit 2; }
 fail() { echo "tools/bisect_replay.sh: $*" >&2; exit 2; }
 [ -f "$1" ] || fail "$1: found no such file, expected a recording"
 log=$(cd "$(dirname "$1")" && pwd)/$(basename "$1")
@@ -15,12 +21,30 @@ message=$2
 cd "$(dirname "$0")/.."
 [ -d /usr/lib/ccache ] && PATH=/usr/lib/ccache:$PATH && export PATH CCACHE_NOHASHDIR=1 CCACHE_COMPILERCHECK=content
 
+number() { # number AT BYTES: of the log, big-endian
+    od -An -v -tu1 -j "$1" -N "$2" "$log" | awk '{ for (i = 1; i <= NF; i++) n = n * 256 + $i } END { printf "%.0f", n }'
+}
+# Of the first event, after 4 bytes of sync, 8 of its number, 8 of its time and 8 of its lengths: the channel, and in recording_t, after
+# the type's hash and the format, the version as a string with its length before it.
+version_of_log() {
+    at=$((28 + $(number 20 4) + 8 + 4))
+    length=$(number $at 4)
+    [ "$length" -gt 1 ] && [ "$length" -le 32 ] && tail -c +$((at + 5)) "$log" | head -c $((length - 1)) | tr -cd '0-9A-Za-z.+-'
+}
+
 good=${3:-}
 if [ -z "$good" ]; then
-    # Of the first event, after 4 bytes of sync and 8 of its number: microseconds since 1970, big-endian.
-    micros=$(od -An -v -tu1 -j 12 -N 8 "$log" | awk '{ for (i = 1; i <= NF; i++) n = n * 256 + $i } END { printf "%.0f", n }')
-    good=$(git rev-list -1 --before="@$((micros / 1000000))" "${4:-HEAD}")
-    [ -n "$good" ] || fail "found no commit before the recording began, expected GOOD as third argument"
+    seconds=$(($(number 12 8) / 1000000)) # since 1970
+    if [ "$seconds" -ge 315532800 ]; then # before 1980 it is no date, and git takes it for another one
+        good=$(git rev-list -1 --before="@$seconds" "${4:-HEAD}")
+        [ -n "$good" ] || fail "found no commit before the recording began, expected GOOD as third argument"
+    else
+        version=$(version_of_log) || version=
+        for tag in "v$version" "$version"; do
+            [ -n "$version" ] && [ -z "$good" ] && good=$(git rev-parse --verify --quiet "refs/tags/$tag^{commit}") || true
+        done
+        [ -n "$good" ] || fail "$1: its clock does not say when it began, and found no tag v${version:-VERSION} of the version that made it: expected GOOD as third argument, a commit that replays it without a difference"
+    fi
 fi
 good=$(git rev-parse --verify "$good^{commit}") && bad=$(git rev-parse --verify "${4:-HEAD}^{commit}") || fail "found no such commit"
 work=$(mktemp -d)
@@ -33,7 +57,8 @@ cat >"$work/judge" <<'JUDGE'
 #!/bin/sh
 # 0 good, 1 bad, 125 not known
 make -j"$(nproc)" BUILD=build build/fovea >"$FOVEA_WORK/build" 2>&1 || { echo "does not build"; exit 125; }
-build/fovea replay "$FOVEA_LOG" --verify >"$FOVEA_WORK/replay" 2>&1
+# shellcheck disable=SC2086 # nothing, or one option
+build/fovea replay "$FOVEA_LOG" --verify $FOVEA_TRUST >"$FOVEA_WORK/replay" 2>&1
 case $? in
 0) echo "equal"; exit 0 ;;
 1) line=$(grep -oE 'frame [-0-9]+ .*found .*, expected .*' "$FOVEA_WORK/replay" | head -n 1) # without the path
@@ -47,7 +72,7 @@ case $? in
 esac
 JUDGE
 chmod +x "$work/judge"
-export FOVEA_WORK="$work" FOVEA_LOG="$log" FOVEA_MESSAGE="$message" CCACHE_BASEDIR="$work/tree"
+export FOVEA_WORK="$work" FOVEA_LOG="$log" FOVEA_MESSAGE="$message" FOVEA_TRUST="$trust" CCACHE_BASEDIR="$work/tree"
 cd "$work/tree"
 
 # A search between two ends that are not so would find some commit all the same.
