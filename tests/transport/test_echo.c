@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "common/build_folder.h"
 #include "common/watched.h"
 #include "fovea/fields.h"
 
@@ -166,6 +167,23 @@ static void test_count_and_timeout(void **state)
     assert_int_equal(watched_end(&watched), 2);
 }
 
+/* Who forgets the prefix is told, and then hears nothing. */
+static void test_a_name_without_prefix(void **state)
+{
+    (void)state;
+    char command[640], said[256] = "";
+    snprintf(command, sizeof command, "%s/fovea echo GRID --timeout 1 2>&1 >/dev/null",
+             build_folder());
+    FILE *out = popen(command, "r"); /* NOLINT(bugprone-command-processor) */
+    assert_non_null(out);
+    assert_non_null(fgets(said, sizeof said, out));
+    assert_string_equal(
+        said, "fovea echo: GRID: runs send FOVEA_GRID, unless their channel_prefix is another\n");
+    while (fgets(said, sizeof said, out) != NULL)
+        ;
+    assert_int_equal(WEXITSTATUS(pclose(out)), 1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -173,6 +191,7 @@ int main(void)
         cmocka_unit_test(test_patterns),
         cmocka_unit_test(test_odd_messages),
         cmocka_unit_test(test_count_and_timeout),
+        cmocka_unit_test(test_a_name_without_prefix),
     };
     if (!watched_possible("test_echo")) return 0;
     return cmocka_run_group_tests(tests, NULL, NULL);

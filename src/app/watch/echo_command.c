@@ -9,6 +9,8 @@
 #include "app/watch/commands.h"
 #include "drivers/clock.h"
 #include "fovea/fields.h"
+#include "message/message.h"
+#include "support/say.h"
 #include "support/json.h"
 
 struct echo {
@@ -59,6 +61,19 @@ static void take(void *context, const struct fv_received *received)
     puts("}");
 }
 
+/* A message's bare name is no channel of a run, unless its channel_prefix is empty. */
+static void say_prefix(const char *channel)
+{
+    char name[FV_MESSAGE_CHANNEL_BYTES];
+    for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++) {
+        fv_message_channel("", (enum fv_message_kind)kind, name);
+        if (strcmp(name, channel) != 0) continue;
+        fv_message_channel("FOVEA", (enum fv_message_kind)kind, name);
+        fv_say_note("fovea echo: %s: runs send %s, unless their channel_prefix is another", channel,
+                    name);
+    }
+}
+
 /* Until the count, the end, or silence for `timeout_s`. */
 static void listen_to(struct fv_bus *bus, struct echo *echo, uint64_t timeout_s)
 {
@@ -106,6 +121,7 @@ int fv_command_echo(int argc, char **argv)
     for (int i = first; status == FOVEA_OK && i < argc; i++) {
         status = fv_bus_row(argv[i], &rows[i - first], &error);
         rows[i - first].take = take;
+        if (status == FOVEA_OK) say_prefix(argv[i]);
         rows[i - first].context = &echo;
     }
     if (status == FOVEA_OK) status = fv_bus_open(&bus, rows, (uint32_t)(argc - first), &error);
