@@ -3,7 +3,9 @@
  *
  * The mask has the size of the network's output. At the size of the image, each pixel has what the
  * pixel of the mask has in which its centre lies; of two that share an edge there, the right or
- * lower one. The network sees the image resized, as detect.h says; nothing is interpolated, all is
+ * lower one. Pixels of the mask whose centre lies beside the image (on borders of a letterbox) have
+ * no class, and pixels of the image in them have that of the nearest one whose centre lies in it.
+ * The network sees the image resized, as detect.h says; nothing is interpolated, all is
  * integer arithmetic.
  *
  * In the runtime a segmentation is what the network job publishes (segmentation_t) with the stamp
@@ -29,7 +31,7 @@ struct fovea_segmentation_class {
     int32_t class_id; /* index into the model's classes */
     int32_t object;   /* in the list of detections; -1: all pixels of the class */
     float score;      /* of the object, 0 to 1; NaN: the network gives none */
-    uint32_t pixels;  /* of the mask: its area is pixels / (width height) of the mask */
+    uint32_t pixels;  /* of the mask: its area is pixels / (part.width part.height) of the image */
     /* to draw it in, of the model file or else of PASCAL VOC's palette: black is background */
     uint8_t red, green, blue, reserved;
 };
@@ -40,6 +42,12 @@ struct fovea_segmentation_fit {
     int32_t left, top, width, height; /* part of the input that shows the image */
 };
 
+/* The mask's pixels whose centre lies in the image, along each axis; where there is none, the one
+ * pixel that has the image's centre. */
+struct fovea_segmentation_part {
+    int32_t left, top, width, height;
+};
+
 struct fovea_segmentation {
     uint64_t inferences; /* completed since fovea_init; nothing below is valid while 0 */
     int64_t stamp_ns;    /* of the image */
@@ -47,6 +55,7 @@ struct fovea_segmentation {
     int32_t image_width, image_height;
     int32_t width, height; /* of the mask */
     struct fovea_segmentation_fit fit;
+    struct fovea_segmentation_part part; /* the others have no class */
     /* x_raw = raw_scale x + raw_offset takes centres of the mask's pixels to the image: x, y */
     double raw_scale[2], raw_offset[2];
     uint32_t count;

@@ -53,6 +53,14 @@ struct span {
     int32_t first, last; /* last exclusive */
 };
 
+/* Of `part`, the columns (axis 0) or the rows that lie in `s`. */
+static struct span inside(const struct fovea_segmentation_part *part, int axis, struct span s)
+{
+    const int32_t first = axis == 0 ? part->left : part->top,
+                  last = first + (axis == 0 ? part->width : part->height);
+    return (struct span){s.first > first ? s.first : first, s.last < last ? s.last : last};
+}
+
 static struct span span_of(const struct fv_segmentation_place *place, int axis, double low,
                            double high, int32_t size)
 {
@@ -142,9 +150,14 @@ bool fv_detect_mask_objects(const struct fv_head_job *j, const struct fovea_dete
     if (*object >= count) return true;
     const int32_t i = (int32_t)*object;
     const struct fovea_detection *d = &objects[i];
-    const struct span x = span_of(&place, 0, (double)d->x_min_px, (double)d->x_max_px, mask->width),
-                      y = span_of(&place, 1, (double)d->y_min_px, (double)d->y_max_px,
-                                  mask->height);
+    const struct fovea_segmentation_part part =
+        fv_segmentation_part(j->model, j->fit, mask->width, mask->height);
+    const struct span x = inside(&part, 0,
+                                 span_of(&place, 0, (double)d->x_min_px, (double)d->x_max_px,
+                                         mask->width)),
+                      y = inside(&part, 1,
+                                 span_of(&place, 1, (double)d->y_min_px, (double)d->y_max_px,
+                                         mask->height));
     struct coefficients c;
     read_coefficients(j, prototypes, items[i], &c);
     uint32_t taken = 0;
@@ -219,11 +232,11 @@ bool fv_detect_mask_classes(const struct fv_head_job *j, struct fv_detect_mask *
                             uint8_t *pixels, uint8_t *confidence, int64_t *at)
 {
     const struct fv_head_output *o = fv_head_role(j, FV_ROLE_BOXES);
-    const struct fv_segmentation_place place =
-        fv_segmentation_place(j->model, j->fit, mask->width, mask->height);
+    const struct fovea_segmentation_part part =
+        fv_segmentation_part(j->model, j->fit, mask->width, mask->height);
     const int32_t channels = channels_of(o->t);
-    const struct span x = span_of(&place, 0, -0.5, j->fit->image_width - 0.5, mask->width),
-                      y = span_of(&place, 1, -0.5, j->fit->image_height - 0.5, mask->height);
+    const struct span x = inside(&part, 0, (struct span){0, mask->width}),
+                      y = inside(&part, 1, (struct span){0, mask->height});
     int32_t left = LABELS_PER_UNIT / channels + 1;
     const int64_t end = (int64_t)y.last * mask->width;
     if (*at < (int64_t)y.first * mask->width) *at = (int64_t)y.first * mask->width;

@@ -6,7 +6,7 @@
  * pixel. The products are whole numbers where the outputs are bytes, so they are exact. Of a
  * network that labels each pixel, the pixel has its class, or that of its largest score.
  *
- * Pixels whose centre the image does not cover (borders of a letterbox) have none. No addresses in
+ * Pixels beside the part that shows the image (borders of a letterbox) have none. No addresses in
  * the state. Real-time safe. */
 #ifndef FOVEA_DETECT_MASK_H
 #define FOVEA_DETECT_MASK_H

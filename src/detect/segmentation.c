@@ -14,6 +14,30 @@ struct fv_segmentation_place fv_segmentation_place(const struct fv_model *model,
                    (0.5 * sy - fit->top) / (double)fit->scale_y - 0.5}};
 }
 
+/* Of `mask` pixels along an axis of the input: those whose centre, (2 k + 1) input / (2 mask), lies
+ * in the `size` pixels from `first` on. */
+static void find_part(int32_t first, int32_t size, int32_t input, int32_t mask, int32_t *begin,
+                      int32_t *count)
+{
+    const int64_t one = (int64_t)2 * input, from = (int64_t)2 * first * mask - input,
+                  to = (int64_t)2 * (first + size) * mask - input;
+    const int64_t low = from > 0 ? (from + one - 1) / one : 0,
+                  high = to > 0 ? (to + one - 1) / one : 0;
+    *begin = (int32_t)(high > low ? low : (int64_t)(2 * first + size) * mask / one);
+    *count = (int32_t)(high > low ? high - low : 1);
+}
+
+struct fovea_segmentation_part fv_segmentation_part(const struct fv_model *model,
+                                                    const struct fv_nn_input_fit *fit,
+                                                    int32_t width, int32_t height)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    struct fovea_segmentation_part part;
+    find_part(fit->left, fit->width, p->width, width, &part.left, &part.width);
+    find_part(fit->top, fit->height, p->height, height, &part.top, &part.height);
+    return part;
+}
+
 /* ---- colours --------------------------------------------------------------------------------- */
 
 enum { COLOUR_BITS = 8 };
@@ -67,6 +91,7 @@ void fv_segmentation_view(const struct fv_model *model, const struct fv_nn_input
         .width = mask->width,
         .height = mask->height,
         .fit = {p->width, p->height, fit->left, fit->top, fit->width, fit->height},
+        .part = fv_segmentation_part(model, fit, mask->width, mask->height),
         .raw_scale = {place.scale[0], place.scale[1]},
         .raw_offset = {place.offset[0], place.offset[1]},
         .count = (uint32_t)mask->count,
@@ -83,6 +108,7 @@ void fv_segmentation_view(const struct fv_model *model, const struct fv_nn_input
  * pixel to pixel: the whole part of (first + (2 x + 1) part / (2 image)) mask / input. */
 struct walk {
     int64_t whole, rest, step_whole, step_rest, divisor;
+    int64_t low, high; /* of the mask's pixels that show the image */
 };
 
 static struct walk walk_of(int32_t first, int32_t part, int32_t image, int32_t mask, int32_t input,
@@ -90,7 +116,35 @@ static struct walk walk_of(int32_t first, int32_t part, int32_t image, int32_t m
 {
     const int64_t divisor = (int64_t)2 * image * input, step = (int64_t)2 * part * mask,
                   begin = ((int64_t)2 * first * image + part) * mask + x * step;
-    return (struct walk){begin / divisor, begin % divisor, step / divisor, step % divisor, divisor};
+    return (struct walk){
+        begin / divisor, begin % divisor, step / divisor, step % divisor, divisor, 0, mask - 1};
+}
+
+/* Along the columns of a picture of the mask's view, `width` pixels wide. */
+static struct walk columns_of(const struct fovea_segmentation *s, int32_t width)
+{
+    const struct fovea_segmentation_fit *f = &s->fit;
+    struct walk walk = walk_of(f->left, f->width, width, s->width, f->input_width, 0);
+    walk.low = s->part.left;
+    walk.high = s->part.left + s->part.width - 1;
+    return walk;
+}
+
+/* Along its rows, from row y on. */
+static struct walk rows_of(const struct fovea_segmentation *s, int32_t height, int32_t y)
+{
+    const struct fovea_segmentation_fit *f = &s->fit;
+    struct walk walk = walk_of(f->top, f->height, height, s->height, f->input_height, y);
+    walk.low = s->part.top;
+    walk.high = s->part.top + s->part.height - 1;
+    return walk;
+}
+
+/* The nearest pixel of the mask that shows the image. */
+static int64_t nearest(const struct walk *walk)
+{
+    const int64_t most = walk->whole < walk->high ? walk->whole : walk->high;
+    return most > walk->low ? most : walk->low;
 }
 
 static void next(struct walk *walk)
@@ -105,17 +159,15 @@ static void next(struct walk *walk)
 void fovea_segmentation_enlarge(const struct fovea_segmentation *s, const uint8_t *values,
                                 uint8_t *pixels)
 {
-    const struct fovea_segmentation_fit *f = &s->fit;
     uint8_t of[256];
     for (int i = 0; i < 256; i++)
         of[i] = values == NULL ? s->index[i] : values[s->index[i]];
-    struct walk row = walk_of(f->top, f->height, s->image_height, s->height, f->input_height, 0);
+    struct walk row = rows_of(s, s->image_height, 0);
     for (int32_t y = 0; y < s->image_height; y++, next(&row)) {
-        const uint8_t *from = s->pixels + row.whole * s->width;
-        struct walk column =
-            walk_of(f->left, f->width, s->image_width, s->width, f->input_width, 0);
+        const uint8_t *from = s->pixels + nearest(&row) * s->width;
+        struct walk column = columns_of(s, s->image_width);
         for (int32_t x = 0; x < s->image_width; x++, next(&column))
-            *pixels++ = of[from[column.whole]];
+            *pixels++ = of[from[nearest(&column)]];
     }
 }
 
@@ -150,21 +202,20 @@ static void find_tints(const struct fovea_segmentation *s, struct tint tints[256
 void fv_segmentation_overlay(const struct fovea_segmentation *s, uint8_t *pixels, int32_t width,
                              int32_t height, int32_t begin, int32_t end)
 {
-    const struct fovea_segmentation_fit *f = &s->fit;
     const int32_t before = begin > 0 ? begin - 1 : 0;
-    struct walk row = walk_of(f->top, f->height, height, s->height, f->input_height, before);
-    const uint8_t *above = s->pixels + row.whole * s->width;
+    struct walk row = rows_of(s, height, before);
+    const uint8_t *above = s->pixels + nearest(&row) * s->width;
     struct tint tints[256];
     find_tints(s, tints);
     for (int32_t y = before; y < end; y++, next(&row)) {
-        const uint8_t *from = s->pixels + row.whole * s->width;
-        struct walk column = walk_of(f->left, f->width, width, s->width, f->input_width, 0);
-        uint8_t *to = pixels + (ptrdiff_t)y * width, left = s->index[from[column.whole]];
+        const uint8_t *from = s->pixels + nearest(&row) * s->width;
+        struct walk column = columns_of(s, width);
+        uint8_t *to = pixels + (ptrdiff_t)y * width, left = s->index[from[nearest(&column)]];
         for (int32_t x = 0; x < width && y >= begin; x++, next(&column)) {
-            const uint8_t value = from[column.whole], here = s->index[value];
+            const int64_t at = nearest(&column);
+            const uint8_t value = from[at], here = s->index[value];
             to[x] = (uint8_t)((to[x] * tints[value].keep + tints[value].add) >> 8);
-            if (here != left || here != s->index[above[column.whole]])
-                to[x] = to[x] < 128 ? 255 : 0;
+            if (here != left || here != s->index[above[at]]) to[x] = to[x] < 128 ? 255 : 0;
             left = here;
         }
         above = from;

@@ -14,6 +14,11 @@ struct fv_segmentation_place fv_segmentation_place(const struct fv_model *model,
                                                    const struct fv_nn_input_fit *fit, int32_t width,
                                                    int32_t height);
 
+/* Which pixels of a mask of this size show the image (fovea/segmentation.h). */
+struct fovea_segmentation_part fv_segmentation_part(const struct fv_model *model,
+                                                    const struct fv_nn_input_fit *fit,
+                                                    int32_t width, int32_t height);
+
 /* The colour of a class, or of an object among others (-1: none), red green blue. */
 void fv_segmentation_colour(const struct fv_model *model, int32_t class_id, int32_t object,
                             uint8_t rgb[3]);

@@ -180,21 +180,21 @@ uint32_t fv_message_segmentation_encode(const struct fv_message_segmentation *in
     char names[FV_MESSAGE_SEGMENTS_MAX][FV_MESSAGE_LABEL_BYTES_MAX],
         model[FV_MESSAGE_LABEL_BYTES_MAX];
     const int32_t first = *row;
+    const float area = (float)(s->part.width * s->part.height);
     struct listed listed;
     list_classes(s, &listed);
     fv_message_label(in->model, model);
     for (uint32_t i = 0; i < listed.count; i++) {
         const struct fovea_segmentation_class *c = &s->list[listed.from[i]];
         fv_message_label(in->names[listed.from[i]], names[i]);
-        list[i] =
-            (fovea_segment_class_t){.class_id = c->class_id,
-                                    .class_name = names[i],
-                                    .object = c->object,
-                                    .score = c->score,
-                                    .red = c->red,
-                                    .green = c->green,
-                                    .blue = c->blue,
-                                    .fraction = (float)c->pixels / (float)(s->width * s->height)};
+        list[i] = (fovea_segment_class_t){.class_id = c->class_id,
+                                          .class_name = names[i],
+                                          .object = c->object,
+                                          .score = c->score,
+                                          .red = c->red,
+                                          .green = c->green,
+                                          .blue = c->blue,
+                                          .fraction = (float)c->pixels / area};
     }
     *row = take_rows(runs, s, listed.index, first);
     const fovea_segmentation_t message = {.stamp = in->stamp,

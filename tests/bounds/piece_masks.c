@@ -121,6 +121,7 @@ static void of_sending(struct masking *m)
                                           .height = SIDE,
                                           .image_width = SIDE,
                                           .image_height = SIDE,
+                                          .part = {0, 0, SIDE, SIDE},
                                           .raw_scale = {1, 1},
                                           .count = FOVEA_SEGMENTATION_CLASSES_MAX,
                                           .list = list,

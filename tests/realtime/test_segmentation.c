@@ -80,7 +80,8 @@ static int take_message(const struct fovea_message *message, const struct fovea_
         assert_string_equal(m.classes[i].class_name, fv_model_label(&labeller.model, class_id));
         assert_true(m.classes[i].red == c->red && m.classes[i].green == c->green &&
                     m.classes[i].blue == c->blue);
-        assert_true(m.classes[i].fraction == (float)c->pixels / (float)(m.width * m.height));
+        assert_true(m.classes[i].fraction ==
+                    (float)c->pixels / (float)(seen->part.width * seen->part.height));
     }
     uint8_t *at = classes + m.first_row * m.width;
     for (int i = 0; i < m.run_count; i++)

@@ -1,9 +1,10 @@
 """The confusion matrix of a network that labels pixels, computed with numpy and nothing of src/: beside `fovea segment --evaluate --json`.
 
-    python3 tests/segment/confusion.py OUTPUTS.npz|MODEL.tflite IMAGES LABELS MAP EVALUATION.json CLASS=NUMBER...
+    python3 tests/segment/confusion.py [--letterbox WIDTHxHEIGHT] OUTPUTS.npz|MODEL.tflite IMAGES LABELS MAP EVALUATION.json CLASS=NUMBER...
 
 OUTPUTS.npz is what `fovea model run` gave for the pictures of the folder IMAGES by name; of a MODEL.tflite with 8-bit pixels as input LiteRT's
-reference kernels run, on pictures resized here (needs ai-edge-litert). MAP is in the command's form, with these classes. Prints the matrix; ends
+reference kernels run, on pictures resized here (needs ai-edge-litert). Of a network whose input keeps the pictures' shape, --letterbox is the
+input's size. MAP is in the command's form, with these classes. Prints the matrix; ends
 with 1 where the evaluation is another."""
 import json
 import os
@@ -90,31 +91,50 @@ def classes_of(output):
     return np.argmax(output, -1) if output.ndim == 3 and output.shape[-1] > 1 else output.reshape(output.shape[:2]).astype(np.int64)
 
 
-def at_size(mask, height, width):
-    """A pixel of the picture has what the pixel of the mask has in which its centre lies; the whole mask shows the whole picture."""
-    y = (2 * np.arange(height) + 1) * mask.shape[0] // (2 * height)
-    x = (2 * np.arange(width) + 1) * mask.shape[1] // (2 * width)
+def nearest(size, cells, side, first, part):
+    """For each of `size` pixels along an axis of the picture, which the input of `side` pixels shows in `part` of them from `first` on, the nearest of
+    `cells` of the mask by their centres, of those whose centre is in that part; of two as near the later one."""
+    pixels = (2 * first * size + (2 * np.arange(size, dtype=np.int64) + 1) * part) * cells  # unit: the input's pixel / (2 size cells)
+    centres = (2 * np.arange(cells, dtype=np.int64) + 1) * side * size
+    inside = np.flatnonzero((centres >= 2 * first * size * cells) & (centres < 2 * (first + part) * size * cells))[::-1]
+    return inside[np.argmin(np.abs(centres[inside][:, None] - pixels), 0)]
+
+
+def at_size(mask, height, width, box=None):
+    """At the picture's size. The whole mask shows the whole picture, or, in a `box` of [width, height] pixels, the largest part of the picture's shape
+    in its middle."""
+    if box is None:
+        box, shown = (width, height), (width, height)
+    elif box[0] * height <= box[1] * width:
+        shown = box[0], int(height * box[0] / width + 0.5)
+    else:
+        shown = int(width * box[1] / height + 0.5), box[1]
+    x, y = (nearest(size, cells, side, (side - part) // 2, part)
+            for size, cells, side, part in zip((width, height), mask.shape[::-1], box, shown))
     return mask[y][:, x]
 
 
 def read_map(path, numbers):
-    """Rows by label, and the names of the rows in the order of their first line; "other" is the last."""
-    rows, names = {}, []
+    """Rows by label, and the names of the rows in the order of their first line; "other" is the last, "none of them" where that is a class."""
+    rows, names, rest = {}, [], "none of them" if "other" in numbers else "other"
     with open(path, encoding="utf-8") as file:
         for line in file:
             parts = line.split("#")[0].split(None, 1)
             if not parts or parts[1].strip() == "ignore":
                 continue
             name = parts[1].strip()
-            if name != "other" and name not in names:
+            if name != rest and name not in names:
                 names.append(name)
             rows[int(parts[0])] = name
     columns = {numbers[name]: place for place, name in enumerate(names)}
-    return {label: names.index(name) if name in names else len(names) for label, name in rows.items()}, columns, names + ["other"]
+    return {label: names.index(name) if name in names else len(names) for label, name in rows.items()}, columns, names + [rest]
 
 
 def main():
-    source, images, labels, mapping, evaluation, *named = sys.argv[1:]
+    words, box = sys.argv[1:], None
+    if words[0] == "--letterbox":
+        box, words = tuple(int(side) for side in words[1].split("x")), words[2:]
+    source, images, labels, mapping, evaluation, *named = words
     numbers = {name: int(number) for name, number in (entry.split("=") for entry in named)}
     rows, columns, names = read_map(mapping, numbers)
     pictures = sorted(os.path.join(images, name) for name in os.listdir(images))
@@ -122,7 +142,7 @@ def main():
     matrix = np.zeros((len(names), len(names)), np.int64)
     for picture, output in zip(pictures, outputs, strict=True):
         truth = png(os.path.join(labels, os.path.basename(picture)))
-        seen = at_size(classes_of(output), *truth.shape)
+        seen = at_size(classes_of(output), *truth.shape, box)
         row = np.vectorize(lambda label: rows.get(label, -1))(np.arange(256))[truth]
         column = np.vectorize(lambda c: columns.get(c, len(names) - 1))(np.arange(256))[seen]
         judged = row >= 0

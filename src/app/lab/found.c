@@ -89,7 +89,7 @@ void fv_found_print_mask(const struct fv_found *found, bool runs)
 {
     struct fovea_segmentation m;
     fv_found_segmentation(found, &m);
-    const int32_t pixels = m.width * m.height;
+    const double area = (double)m.part.width * m.part.height;
     printf("\"mask\": {\"width\": %d, \"height\": %d, \"raw_scale\": [%.9g, %.9g], "
            "\"raw_offset\": [%.9g, %.9g], \"segments\": [",
            m.width, m.height, m.raw_scale[0], m.raw_scale[1], m.raw_offset[0], m.raw_offset[1]);
@@ -98,7 +98,7 @@ void fv_found_print_mask(const struct fv_found *found, bool runs)
         printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", c->class_id);
         fv_json_text(stdout, fv_detect_label(found->model, c->class_id));
         printf(", \"object\": %d, \"pixels\": %u, \"fraction\": %.6f", c->object, c->pixels,
-               (double)c->pixels / (double)pixels);
+               (double)c->pixels / area);
         if (m.confidence != NULL) printf(", \"confidence\": %.6f", confidence_of(&m, i));
         printf(", \"colour\": [%d, %d, %d]}", c->red, c->green, c->blue);
     }

@@ -217,18 +217,49 @@ static void colours_are_the_files_or_vocs(void **state)
     expect_colour(1, 0, 0x800000);
 }
 
-/* The pixel of the mask in which the centre of pixel x lies, in whole fractions of the input: its
- * edges are at input / mask. */
+/* Whether the centre of the mask's pixel k, (k + 1/2) input / size, is in [first, first + part). */
+static bool shows(int32_t k, int32_t first, int32_t part, int32_t size, int32_t input)
+{
+    const int64_t centre = (int64_t)(2 * k + 1) * input;
+    return centre >= (int64_t)2 * first * size && centre < (int64_t)2 * (first + part) * size;
+}
+
+/* The pixel of the mask that pixel x of the image takes its class from: the nearest one by their
+ * centres, of two as near the later one, of those whose centre is in the image. All in whole
+ * fractions of the input; -1: no centre is in it. */
 static int32_t holder(int32_t x, int32_t first, int32_t part, int32_t image, int32_t size,
                       int32_t input)
 {
-    /* (first + (2 x + 1) part / (2 image)) in [k input / size, (k + 1) input / size) */
-    const int64_t at = ((int64_t)first * 2 * image + (int64_t)(2 * x + 1) * part) * size,
-                  one = (int64_t)2 * image * input;
-    int32_t k = 0;
-    while ((k + 1) * one <= at)
-        k++;
-    return k;
+    /* first + (2 x + 1) part / (2 image) and (2 k + 1) input / (2 size), times 2 image size */
+    const int64_t at = ((int64_t)first * 2 * image + (int64_t)(2 * x + 1) * part) * size;
+    int64_t least = INT64_MAX;
+    int32_t best = -1;
+    for (int32_t k = 0; k < size; k++) {
+        const int64_t away = (int64_t)(2 * k + 1) * input * image - at,
+                      distance = away < 0 ? -away : away;
+        if (!shows(k, first, part, size, input) || distance > least) continue;
+        least = distance;
+        best = k;
+    }
+    return best;
+}
+
+/* What shows the image has a class, nothing else has one, and areas are shares of it. */
+static void expect_part(const struct fovea_segmentation *seen, const struct fv_nn_input_fit *fit,
+                        int32_t width, int32_t height)
+{
+    int32_t there = 0;
+    uint32_t sum = 0;
+    for (int32_t at = 0; at < seen->width * seen->height; at++) {
+        const bool is_shown = shows(at % seen->width, fit->left, fit->width, seen->width, width) &&
+                              shows(at / seen->width, fit->top, fit->height, seen->height, height);
+        assert_int_equal(is_shown, seen->index[seen->pixels[at]] != FOVEA_SEGMENTATION_NONE);
+        there += is_shown;
+    }
+    for (uint32_t i = 0; i < seen->count; i++)
+        sum += seen->list[i].pixels;
+    assert_int_equal(there, seen->part.width * seen->part.height);
+    assert_int_equal(there, sum);
 }
 
 static void expect_rule(int32_t width, int32_t height, int32_t mask_width, int32_t mask_height,
@@ -240,6 +271,7 @@ static void expect_rule(int32_t width, int32_t height, int32_t mask_width, int32
     fill(mask_width * mask_height, CLASSES);
     const struct fv_nn_input_fit fit = fit_of(image_width, image_height);
     see(&fit, &seen);
+    expect_part(&seen, &fit, width, height);
     uint8_t *large = malloc((size_t)image_width * (size_t)image_height), values[256];
     for (int i = 0; i < 256; i++)
         values[i] = (uint8_t)(i ^ 0x55);
@@ -251,6 +283,7 @@ static void expect_rule(int32_t width, int32_t height, int32_t mask_width, int32
                 const int32_t column =
                     holder(x, fit.left, fit.width, image_width, mask_width, width);
                 const uint8_t place = seen.index[seen.pixels[row * mask_width + column]];
+                assert_int_not_equal(place, FOVEA_SEGMENTATION_NONE);
                 assert_int_equal(large[y * image_width + x], with ? values[place] : place);
             }
         }
@@ -267,6 +300,33 @@ static void the_mask_at_the_size_of_the_image_follows_its_rule(void **state)
     expect_rule(64, 64, 16, 16, FV_FIT_LETTERBOX, 101, 67);
     expect_rule(64, 64, 63, 64, FV_FIT_LETTERBOX, 40, 99);
     expect_rule(16, 16, 64, 64, FV_FIT_LETTERBOX, 33, 32);
+    expect_rule(160, 120, 40, 30, FV_FIT_LETTERBOX, 310, 94);
+    expect_rule(160, 120, 20, 15, FV_FIT_LETTERBOX, 94, 310);
+}
+
+/* So narrow that no pixel of the mask has its centre in it: those around its centre show it. */
+static void a_strip_of_a_picture_has_classes_too(void **state)
+{
+    (void)state;
+    enum { SIDE = 8, LONG = 200 };
+    struct fovea_segmentation seen;
+    uint8_t large[LONG];
+    describe(64, 64, SIDE, SIDE, CLASSES);
+    file.header.preprocess.fit = FV_FIT_LETTERBOX;
+    fill(SIDE * SIDE, CLASSES);
+    for (int upright = 0; upright < 2; upright++) {
+        const struct fv_nn_input_fit fit = fit_of(upright ? 1 : LONG, upright ? LONG : 1);
+        see(&fit, &seen);
+        assert_true(seen.part.width == (upright ? 1 : SIDE) &&
+                    seen.part.height == (upright ? SIDE : 1));
+        assert_true((upright ? seen.part.left : seen.part.top) == 3); /* 31 of 64, 8 each */
+        fovea_segmentation_enlarge(&seen, NULL, large);
+        for (int i = 0; i < LONG; i++) {
+            const int along = i * SIDE / LONG, at = upright ? along * SIDE + 3 : 3 * SIDE + along;
+            assert_int_equal(large[i], seen.index[seen.pixels[at]]);
+            assert_int_not_equal(large[i], FOVEA_SEGMENTATION_NONE);
+        }
+    }
 }
 
 /* Rows of a picture: a bright class, a dark class beside it, and pixels that have none. */
@@ -282,6 +342,7 @@ static void what_has_no_class_keeps_its_pixels(void **state)
         .width = WIDTH,
         .height = 1,
         .fit = {.width = WIDTH, .height = 1, .input_width = WIDTH, .input_height = 1},
+        .part = {0, 0, WIDTH, 1},
         .count = 2,
         .list = list,
         .pixels = values,
@@ -320,6 +381,7 @@ static void classes_are_told_apart_in_grey(void **state)
             .width = WIDTH,
             .height = 1,
             .fit = {.width = WIDTH, .height = 1, .input_width = WIDTH, .input_height = 1},
+            .part = {0, 0, WIDTH, 1},
             .count = CLASSES,
             .list = list,
             .pixels = values,
@@ -343,6 +405,7 @@ int main(void)
         cmocka_unit_test(what_is_beside_the_picture_has_no_class),
         cmocka_unit_test(colours_are_the_files_or_vocs),
         cmocka_unit_test(the_mask_at_the_size_of_the_image_follows_its_rule),
+        cmocka_unit_test(a_strip_of_a_picture_has_classes_too),
         cmocka_unit_test(what_has_no_class_keeps_its_pixels),
         cmocka_unit_test(classes_are_told_apart_in_grey),
     };

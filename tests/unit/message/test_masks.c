@@ -36,6 +36,7 @@ static void masks_of_any_size_come_back(void **state)
     static struct fovea_segmentation_class list[FV_MESSAGE_SEGMENTS_MAX];
     static struct fovea_segmentation seen = {.width = W,
                                              .height = H,
+                                             .part = {0, 3, W, H - 7},
                                              .raw_scale = {2, 3},
                                              .list = list,
                                              .pixels = pixels,
@@ -52,7 +53,7 @@ static void masks_of_any_size_come_back(void **state)
         list[i] = (struct fovea_segmentation_class){.class_id = i,
                                                     .object = -1,
                                                     .score = NAN,
-                                                    .pixels = W * H / 2,
+                                                    .pixels = W * (H - 7) / 2,
                                                     .red = (uint8_t)i,
                                                     .green = 77,
                                                     .blue = 88};
@@ -116,6 +117,7 @@ static void the_largest_classes_of_a_mask_are_sent(void **state)
                                              .height = 1,
                                              .image_width = MOST,
                                              .image_height = 1,
+                                             .part = {0, 0, MOST, 1},
                                              .count = MOST,
                                              .list = list,
                                              .pixels = pixels,

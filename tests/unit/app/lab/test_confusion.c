@@ -52,6 +52,7 @@ static void add(const uint8_t *labels, const uint8_t *classes)
                                       .width = SIDE,
                                       .height = SIDE,
                                       .fit = {SIDE, SIDE, 0, 0, SIDE, SIDE},
+                                      .part = {0, 0, SIDE, SIDE},
                                       .list = list,
                                       .pixels = classes,
                                       .index = index};
