@@ -1,6 +1,7 @@
 """A user's own pictures with a label picture for each: PNGs whose pixels are class numbers."""
 import glob
 import os
+import re
 
 import numpy as np
 
@@ -62,17 +63,32 @@ def read_labels(path, size, picture):
         raise LabelProblem(f"{path}: not a picture that can be read: {problem}") from None
 
 
+def label_path(picture, pictures, masks):
+    """For PICTURES/a/b.jpg MASKS/a/b.mask.png, or MASKS/a/b.png where MASKS/a holds no *.mask.png; None: a picture of a rig's further camera,
+    PICTURES/a/b.camN.jpg, that has none, as in folders of `fovea export`."""
+    stem = os.path.join(masks, os.path.splitext(os.path.relpath(picture, pictures))[0])
+    path = stem + (".mask.png" if glob.glob(os.path.join(glob.escape(os.path.dirname(stem)), "*.mask.png")) else ".png")
+    there, itself = os.path.exists(path), os.path.exists(path) and os.path.samefile(path, picture)
+    if re.search(r"\.cam[1-9]$", stem) and (itself or not there):
+        return None
+    if itself:
+        raise LabelProblem(f"{picture}: found no label picture but the picture itself, expected one of class numbers in {masks}")
+    return path
+
+
 def read(pictures, masks, classes=None):
-    """(names, colours, [(grey, classes of the pixels)], paths): for PICTURES/a/b.jpg the labels MASKS/a/b.png or MASKS/a/b.mask.png."""
+    """(names, colours, [(grey, classes of the pixels)], paths): pictures without those that label_path has nothing for."""
     path = classes or os.path.join(masks, "classes.txt")
     names, colours, table, known = read_classes(path)
-    scenes, paths = [], []
+    scenes, paths, others = [], [], 0
     for picture in sorted(glob.glob(os.path.join(pictures, "**", "*"), recursive=True)):
         if not picture.lower().endswith(SUFFIXES) or picture.endswith(".mask.png"):
             continue
-        stem = os.path.join(masks, os.path.splitext(os.path.relpath(picture, pictures))[0])
+        at = label_path(picture, pictures, masks)
+        if at is None:
+            others += 1
+            continue
         image = read_image(picture)
-        at = stem + (".mask.png" if os.path.exists(stem + ".mask.png") else ".png")
         labels = read_labels(at, image.shape[::-1], picture)
         strange = sorted(set(np.unique(labels).tolist()) - known)
         if strange:
@@ -82,4 +98,6 @@ def read(pictures, masks, classes=None):
         paths.append(picture)
     if not scenes:
         raise LabelProblem(f"{pictures}: found no pictures, expected {' '.join(SUFFIXES)}")
+    if others:
+        print(f"{pictures}: {others} pictures of further cameras (*.camN.*) left out, which have no labels")
     return names, colours, scenes, paths

@@ -2,12 +2,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "app/config/options.h"
 #include "app/lab/commands.h"
 #include "app/lab/confusion.h"
 #include "app/lab/inference.h"
+#include "app/lab/label_files.h"
 #include "app/lab/label_picture.h"
 #include "support/canvas.h"
 #include "support/picture.h"
@@ -18,6 +18,7 @@
 struct asked {
     const char *model, *draw, *mask, *labels, *map;
     bool json;
+    struct fv_label_files files; /* what is judged, with `labels` */
 };
 
 static enum fovea_status draw(const struct fv_inference *engine, const struct fovea_image *image,
@@ -68,31 +69,13 @@ static void print(const struct fv_inference *engine, const char *path,
     printf("}\n");
 }
 
-/* For folder/name.jpg DIR/name.mask.png, where `fovea export --masks` has left one, or
- * DIR/name.png. */
-static enum fovea_status label_path(const char *folder, const char *picture, char path[1024],
-                                    struct fovea_error *error)
-{
-    const char *slash = strrchr(picture, '/'), *name = slash == NULL ? picture : slash + 1,
-               *dot = strrchr(name, '.');
-    const int length = (int)(dot == NULL ? strlen(name) : (size_t)(dot - name));
-    if (snprintf(path, 1024, "%s/%.*s.mask.png", folder, length, name) < 1024) {
-        if (access(path, F_OK) != 0) snprintf(path, 1024, "%s/%.*s.png", folder, length, name);
-        return FOVEA_OK;
-    }
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: found a path of over 1000 bytes",
-                           picture);
-}
-
 static enum fovea_status judge(struct fv_confusion *confusion,
-                               const struct fovea_segmentation *seen, const char *folder,
-                               const char *picture, struct fovea_error *error)
+                               const struct fovea_segmentation *seen, const char *path,
+                               struct fovea_error *error)
 {
-    char path[1024];
     uint8_t *labels = NULL;
-    enum fovea_status status = label_path(folder, picture, path, error);
-    if (status == FOVEA_OK)
-        status = fv_label_picture_read(path, seen->image_width, seen->image_height, &labels, error);
+    enum fovea_status status =
+        fv_label_picture_read(path, seen->image_width, seen->image_height, &labels, error);
     if (status != FOVEA_OK) return status;
     status = fv_confusion_add(confusion, labels, seen);
     free(labels);
@@ -101,7 +84,7 @@ static enum fovea_status judge(struct fv_confusion *confusion,
 }
 
 static enum fovea_status take(struct fv_inference *engine, struct fv_confusion *confusion,
-                              const struct asked *asked, const char *path,
+                              const struct asked *asked, const char *path, const char *labels,
                               struct fovea_error *error)
 {
     struct fovea_image image;
@@ -114,18 +97,30 @@ static enum fovea_status take(struct fv_inference *engine, struct fv_confusion *
                                  asked->model);
     if (status == FOVEA_OK) {
         fv_found_segmentation(&engine->found, &seen);
-        if (asked->labels == NULL) print(engine, path, &image);
+        if (labels == NULL) print(engine, path, &image);
         if (asked->draw != NULL) status = draw(engine, &image, asked->draw, error);
         if (status == FOVEA_OK && asked->mask != NULL)
             status = write_mask(&seen, asked->mask, error);
-        if (status == FOVEA_OK && asked->labels != NULL)
-            status = judge(confusion, &seen, asked->labels, path, error);
+        if (status == FOVEA_OK && labels != NULL) status = judge(confusion, &seen, labels, error);
     }
     free((void *)(uintptr_t)image.data);
     return status;
 }
 
-static enum fovea_status check(const struct asked *asked, char **paths, int count,
+/* Which of the pictures are judged, and a line about those that are not. */
+static enum fovea_status find_labels(struct asked *asked, char **paths, int count,
+                                     struct fovea_error *error)
+{
+    struct fv_label_files *files = &asked->files;
+    const enum fovea_status status = fv_label_files_find(files, asked->labels, paths, count, error);
+    if (status == FOVEA_OK && files->count < count)
+        fv_say_note("segment: %d of %d pictures left out: %d label pictures (*.mask.png), %d of "
+                    "further cameras (*.camN.*), which have no labels",
+                    count - files->count, count, files->masks, files->others);
+    return status;
+}
+
+static enum fovea_status check(struct asked *asked, char **paths, int count,
                                struct fovea_error *error)
 {
     const char *single = asked->draw != NULL ? "--draw" : asked->mask != NULL ? "--mask" : NULL;
@@ -140,23 +135,22 @@ static enum fovea_status check(const struct asked *asked, char **paths, int coun
     if (fv_picture_check_name("segment: --draw", asked->draw, error) != FOVEA_OK ||
         fv_picture_check_name("segment: --mask", asked->mask, error) != FOVEA_OK)
         return FOVEA_ERROR_INPUT;
-    char labels[1024] = "";
-    if (single != NULL && asked->labels != NULL &&
-        label_path(asked->labels, paths[0], labels, error) != FOVEA_OK)
-        return FOVEA_ERROR_INPUT;
+    enum fovea_status status = FOVEA_OK;
+    if (asked->labels != NULL) status = find_labels(asked, paths, count, error);
+    if (status != FOVEA_OK || single == NULL) return status;
     const struct fv_file written[] = {{"--draw", asked->draw}, {"--mask", asked->mask}, {0}},
-                         read[] = {{"IMAGE", paths[0]},
-                                   {"--evaluate", labels[0] != '\0' ? labels : NULL},
-                                   {"--model", asked->model},
-                                   {"--classes-map", asked->map},
-                                   {0}};
-    if (single == NULL) return FOVEA_OK;
+                         read[] = {
+                             {"IMAGE", paths[0]},
+                             {"--evaluate", asked->labels != NULL ? asked->files.labels[0] : NULL},
+                             {"--model", asked->model},
+                             {"--classes-map", asked->map},
+                             {0}};
     const char *blame;
-    const enum fovea_status status = fv_files_apart(written, read, error);
+    status = fv_files_apart(written, read, error);
     return status == FOVEA_OK ? fv_files_writable(written, &blame, error) : status;
 }
 
-static enum fovea_status run(struct fv_inference *engine, const struct asked *asked, char **paths,
+static enum fovea_status run(struct fv_inference *engine, struct asked *asked, char **paths,
                              int count, struct fovea_error *error)
 {
     static struct fv_confusion confusion;
@@ -170,8 +164,11 @@ static enum fovea_status run(struct fv_inference *engine, const struct asked *as
             asked->model, fv_detect_decoder_name(&engine->file.model));
     if (asked->map != NULL)
         status = fv_confusion_open(&confusion, asked->map, &engine->file.model, error);
-    for (int i = 0; i < count && status == FOVEA_OK; i++)
-        status = take(engine, &confusion, asked, paths[i], error);
+    const struct fv_label_files *files = &asked->files;
+    for (int i = 0; i < count && status == FOVEA_OK && asked->labels == NULL; i++)
+        status = take(engine, &confusion, asked, paths[i], NULL, error);
+    for (int i = 0; i < files->count && status == FOVEA_OK; i++)
+        status = take(engine, &confusion, asked, files->pictures[i], files->labels[i], error);
     if (status != FOVEA_OK || asked->labels == NULL) return status;
     if (confusion.pixels == 0)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
@@ -193,8 +190,8 @@ int fv_command_segment(int argc, char **argv)
         {"mask", "FILE", FV_OPTION_TEXT, &asked.mask,
          "write the class of each pixel as a PNG of grey levels; 255: none"},
         {"evaluate", "DIR", FV_OPTION_TEXT, &asked.labels,
-         "judge by label pictures: DIR/NAME.mask.png or DIR/NAME.png for IMAGE NAME, whose pixels are "
-         "class numbers"},
+         "judge by label pictures: DIR/NAME.mask.png for IMAGE NAME, or DIR/NAME.png where DIR holds no "
+         "*.mask.png, whose pixels are class numbers"},
         {"classes-map", "FILE", FV_OPTION_TEXT, &asked.map,
          "for --evaluate: lines 'LABEL CLASS', the label pictures' number and the network's class, "
          "other or ignore; labels without a line are ignored"},
@@ -211,6 +208,7 @@ int fv_command_segment(int argc, char **argv)
     struct fovea_error error;
     const enum fovea_status status = run(&engine, &asked, argv + first, argc - first, &error);
     fv_inference_close(&engine);
+    fv_label_files_free(&asked.files);
     if (status == FOVEA_OK) return FV_EXIT_OK;
     return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
                                         : fv_say_wrong("%s", error.text);

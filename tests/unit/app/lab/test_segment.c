@@ -234,6 +234,49 @@ static void exported_folders_judge_the_shipped_network(void **state)
     assert_non_null(strstr(said(), ", [0, 0, 0, 0, 0, 0]], \"iou\": ")); /* no label is none */
 }
 
+/* All pictures of two cameras' export: those of the first are judged, by the masks. */
+static void label_pictures_and_further_cameras_are_left_out(void **state)
+{
+    (void)state;
+    static const char *const kinds[] = {"", ".mask", ".cam1"};
+    static char frames[PATH_BYTES], other[PATH_BYTES], paths[6][PATH_BYTES + 32],
+        classes[PATH_BYTES + 32];
+    static char alone[TEXT_MAX];
+    snprintf(frames, sizeof frames, "%s/rig", folder);
+    snprintf(other, sizeof other, "%s/other", folder);
+    snprintf(classes, sizeof classes, "%s/classes-map.txt", frames);
+    for (int i = 0; i < 6; i++)
+        snprintf(paths[i], sizeof paths[i], "%s/%06d%s.png", frames, i % 2, kinds[i / 2]);
+    static const char uri[] = "sim:drive?seed=3&width=160&height=120&baseline=0.12";
+    const char *const words[] = {"export", "--masks", "--source", uri, "--frames",
+                                 "2",      "--step",  "30",       NULL};
+    for (int i = 0; i < 2; i++) {
+        const char *to[10];
+        memcpy(to, words, sizeof words);
+        to[8] = i == 0 ? frames : other;
+        to[9] = NULL;
+        assert_int_equal(call(fv_command_export, to), 0);
+    }
+#define JUDGE(...)                                                                                 \
+    SEGMENT("--model", "src/detect/segmenter.fvm", "--classes-map", classes, "--json",             \
+            "--evaluate", __VA_ARGS__)
+    assert_int_equal(JUDGE(frames, paths[0], paths[1]), 0);
+    assert_non_null(strstr(said(), "{\"pictures\": 2, \"pixels\": 38400, \"ignored\": 0,"));
+    strcpy(alone, said());
+    assert_int_equal(JUDGE(frames, paths[0], paths[1], paths[2], paths[3], paths[4], paths[5]), 0);
+    assert_string_equal(said(), alone);
+    assert_int_equal(JUDGE(frames, paths[2], paths[4]), 2); /* nothing is left */
+    assert_int_equal(JUDGE(frames, paths[0], paths[0]), 2); /* two pictures by one mask */
+    assert_int_equal(JUDGE(other, paths[0], paths[1]), 2);  /* beside which their own masks lie */
+    for (int i = 2; i < 4; i++)
+        unlink(paths[i]);
+    assert_int_equal(JUDGE(other, paths[0], paths[1], paths[4]), 0);
+    assert_string_equal(said(), alone);
+    assert_int_equal(JUDGE(frames, paths[0]), 2); /* by itself */
+    assert_int_equal(JUDGE(frames, paths[4]), 2);
+#undef JUDGE
+}
+
 static void wrong_maps_labels_and_networks_are_refused(void **state)
 {
     (void)state;
@@ -435,6 +478,7 @@ int main(void)
         cmocka_unit_test(the_matrix_counts_pixels_by_label_and_class),
         cmocka_unit_test(masks_of_exports_are_labels),
         cmocka_unit_test(exported_folders_judge_the_shipped_network),
+        cmocka_unit_test(label_pictures_and_further_cameras_are_left_out),
         cmocka_unit_test(wrong_maps_labels_and_networks_are_refused),
         cmocka_unit_test(what_cannot_be_written_is_refused_before_the_network_runs),
         cmocka_unit_test(streets_give_the_matrix_of_an_independent_script),
