@@ -117,7 +117,7 @@ def at_size(mask, height, width, box=None):
 def read_map(path, numbers):
     """Rows by label, and the names of the rows in the order of their first line; "other" is the last, "none of them" where that is a class."""
     rows, names, rest = {}, [], "none of them" if "other" in numbers else "other"
-    with open(path, encoding="utf-8") as file:
+    with open(path, encoding="utf-8-sig") as file:
         for line in file:
             parts = line.split("#")[0].split(None, 1)
             if not parts or parts[1].strip() == "ignore":

@@ -235,7 +235,8 @@ def label_files():
                            ("0 a\n300 b\n", ":2: found label 300")):
             write(text, values, "L")
             holds(f"classes {text!r}", what in refused(read), refused(read))
-        write("floor\nwall\n", values % 2, "L")
+        write("\ufefffloor\nwall\n", values % 2, "L")
+        holds("a byte order mark before the classes", read()[0] == ["floor", "wall"], read()[0])
         rig = os.path.join(folder, "rig")
         os.mkdir(rig)
         cv2.imwrite(os.path.join(rig, "0.png"), np.full((6, 8), 99, np.uint8))

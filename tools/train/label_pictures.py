@@ -20,7 +20,7 @@ def read_classes(path):
     labels may have one name, and `ignore` is none. A colour, #rrggbb, may follow all names or none; `# ` begins a comment."""
     if not os.path.exists(path):
         raise LabelProblem(f"{path}: not there; expected a line for each class: NAME, or LABEL NAME, and perhaps #rrggbb")
-    with open(path, encoding="utf-8") as file:
+    with open(path, encoding="utf-8-sig") as file:
         texts = [(line + " ").partition("# ")[0].split() for line in file]
     lines = [(number, words) for number, words in enumerate(texts, 1) if words]
     coloured = [is_colour(words[-1]) and len(words) > 1 for _, words in lines]

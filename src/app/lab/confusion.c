@@ -88,8 +88,10 @@ enum fovea_status fv_confusion_open(struct fv_confusion *c, const char *path,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%.280s: byte %zu: found a zero byte, expected text", path, length);
     }
+    static const char mark[] = "\xef\xbb\xbf"; /* a byte order mark, as some editors begin a file */
     int number = 0;
-    for (char *line = text, *next; line != NULL && status == FOVEA_OK; line = next) {
+    for (char *line = text + (strncmp(text, mark, 3) == 0 ? 3 : 0), *next;
+         line != NULL && status == FOVEA_OK; line = next) {
         next = strchr(line, '\n');
         if (next != NULL) *next++ = '\0';
         line[strcspn(line, "#")] = '\0';

@@ -29,8 +29,8 @@ struct fv_confusion {
 };
 
 /* Read the map: lines "LABEL CLASS", LABEL a number from 0 to 255, CLASS a label or number of the
- * network's, `other` or `ignore`; # begins a comment. FOVEA_ERROR_INPUT: `error` names file and
- * line. */
+ * network's, `other` or `ignore`; # begins a comment, and a byte order mark at the start is none.
+ * FOVEA_ERROR_INPUT: `error` names file and line. */
 enum fovea_status fv_confusion_open(struct fv_confusion *confusion, const char *path,
                                     const struct fv_model *model, struct fovea_error *error);
 

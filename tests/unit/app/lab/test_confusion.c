@@ -122,12 +122,31 @@ static void numbers_beyond_those_of_masks_are_refused(void **state)
     assert_int_equal(open_map("1 299\n"), FOVEA_ERROR_INPUT);
 }
 
+static void a_byte_order_mark_is_no_part_of_a_map(void **state)
+{
+    (void)state;
+    header.decode.classes = 9;
+    for (int marked = 0; marked < 2; marked++) {
+        assert_int_equal(open_map(marked ? "\xef\xbb\xbf"
+                                           "7 3\r\n8 4\r\n"
+                                         : "7 3\n8 4\n"),
+                         FOVEA_OK);
+        assert_true(confusion.count == 2 && confusion.row_of[7] == 0 && confusion.row_of[8] == 1);
+        assert_true(confusion.column_of[3] == 0 && confusion.column_of[4] == 1);
+    }
+    assert_int_equal(open_map("\xef\xbb\xbf# none\n"), FOVEA_ERROR_INPUT);
+    assert_int_equal(open_map("7 3\n\xef\xbb\xbf"
+                              "8 4\n"),
+                     FOVEA_ERROR_INPUT); /* elsewhere it is a fault */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(each_of_the_most_classes_has_its_row),
         cmocka_unit_test(classes_that_are_not_judged_are_other),
         cmocka_unit_test(numbers_beyond_those_of_masks_are_refused),
+        cmocka_unit_test(a_byte_order_mark_is_no_part_of_a_map),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
