@@ -243,7 +243,7 @@ CORE_TESTS = $(filter-out $(LONG_TESTS) unit/app/% unit/campaign/% unit/web/% un
 cross-core:  ## build for aarch64 and run the tests of the runtime's rooms under qemu-user
 	@tools/install.sh build test cross
 	@tools/make_sysroot.sh build-aarch64/sysroot
-	@$(CROSSMAKE) all $(CORE_TESTS:%=build-aarch64/tests/%)
+	@$(CROSSMAKE) all $(CORE_TESTS:%=build-aarch64/tests/%) build-aarch64/tests/replay/flipped
 	@tools/check_hardening.sh build-aarch64
 	@FOVEA_TESTS="$(CORE_TESTS)" tools/run_tests.sh build-aarch64 tools/emulate.sh
 	@$(CROSSMAKE) build-aarch64/bounds
@@ -323,7 +323,7 @@ $(BUILD)/evaluate-features: $(BUILD)/obj/tools/evaluate/features.o $(BUILD)/libf
 evaluate-features: $(BUILD)/evaluate-features  ## feature methods over brightness, blur, noise, rotation, scale, viewpoint and JPEG: rewrites the committed table and picture
 	$< tools/evaluate/features.md tools/evaluate/features.svg $(wildcard $(or $(FOVEA_DATA),../shared/data)/affine/*/img1.png)
 
-CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c))
+CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c)) $(BUILD)/tests/replay/flipped
 campaign: all $(CAMPAIGN)  ## the long proofs, resumable: hours
 	@tools/campaign.sh
 
@@ -618,7 +618,7 @@ TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c tests/common/pro
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
-tests: $(TESTS) $(EXAMPLES) $(if $(WEB),$(BUILD)/tests/campaign/blinks) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(BUILD)/venv-mahotas/ready $(BUILD)/mcap-venv/ready $(BUILD)/mavlink-venv/ready $(if $(WEB),$(BUILD)/browser-venv/ready $(BUILD)/foxglove-venv/ready) $(JAR))
+tests: $(TESTS) $(EXAMPLES) $(BUILD)/tests/replay/flipped $(if $(WEB),$(BUILD)/tests/campaign/blinks) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/subscribe-cpp $(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(BUILD)/venv-mahotas/ready $(BUILD)/mcap-venv/ready $(BUILD)/mavlink-venv/ready $(if $(WEB),$(BUILD)/browser-venv/ready $(BUILD)/foxglove-venv/ready) $(JAR))
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:

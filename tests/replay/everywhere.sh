@@ -1,6 +1,7 @@
 #!/bin/bash
 # A recording replays bit for bit wherever it was made: every kernel set, gcc and clang, libc's FMA and AVX2 variants masked,
-# and aarch64 under qemu, in both directions. Builds that do not exist are named and skipped, unless --all asks for them.
+# and aarch64 under qemu, in both directions; a bit that is flipped in a run on aarch64 is named. Builds that do not exist are named and
+# skipped, unless --all asks for them.
 # Usage: tests/replay/everywhere.sh [--all] [FRAMES]
 set -u
 cd "$(dirname "$0")/../.."
@@ -70,6 +71,19 @@ to_arm_and_back() {
     record "$folder/arm.lcm" tools/emulate.sh build-aarch64/fovea && build/fovea replay "$folder/arm.lcm" --verify &&
         build/fovea compare "$folder/x86.lcm" "$folder/arm.lcm" | tee "$folder/compared" && grep -q "^equal: $frames iterations, $frames " "$folder/compared"
 }
+# A bit that is flipped in the state of the run on ARM is named with its frame and stage by the one on x86; without it both are equal.
+flip_on_arm() {
+    source='sim:orbit?width=160&height=120&frames=12'
+    arm="tools/emulate.sh build-aarch64/tests/replay/flipped"
+    build/tests/replay/flipped "$folder/steady.lcm" "$source" && $arm "$folder/steady_arm.lcm" "$source" &&
+        build/fovea compare "$folder/steady.lcm" "$folder/steady_arm.lcm" | tee "$folder/steady" && grep -q '^equal: 12 iterations, 12 ' "$folder/steady" || return 1
+    for owner in odometry publish; do
+        $arm "$folder/flipped_arm.lcm" "$source" $owner 7 || return 1
+        build/fovea compare "$folder/steady.lcm" "$folder/flipped_arm.lcm" | tee "$folder/flipped"
+        grep -q "^different: .* at frame 7 (iteration 7, .* after 7 equal iterations: equal inputs; first stage: $owner;" "$folder/flipped" || return 1
+    done
+}
+if have build/tests/replay/flipped && have build-aarch64/tests/replay/flipped; then run "name the frame and stage of a bit flipped on aarch64" flip_on_arm; fi
 if have build-aarch64/fovea; then
     run "replay the loop on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/loop.lcm" --verify
     run "record on aarch64, replay that on x86, in lock-step with the recording of x86" to_arm_and_back
