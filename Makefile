@@ -660,9 +660,10 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(
 # What bounds are made of and checked with, in one program that runs under qemu with a counting plug-in (tools/bounds.py). It includes
 # sources of the library, whose own objects are then not linked.
 BOUNDS_O := $(call objs,$(wildcard tests/bounds/*.c))
+BOUNDS_WRAPPED := fv_inertial_stage_predict fv_inertial_stage_rate fv_inertial_stage_step fv_odometry_place
 $(BUILD)/bounds: $(BOUNDS_O) $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(BOUNDS_O) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group -lcmocka $(LIBS_APP)
+	$(Q)$(CXX) $(LDFLAGS) -pie $(BOUNDS_WRAPPED:%=-Wl,--wrap=%) -o $@ $(BOUNDS_O) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group -lcmocka $(LIBS_APP)
 # The checks and benchmarks of kernels, one file per family, make up one program.
 KERNEL_CHECKS := $(call objs,$(filter-out tests/kernels/test_%,$(wildcard tests/kernels/*.c)))
 $(BUILD)/tests/kernels/test_kernels: $(KERNEL_CHECKS)

@@ -16,6 +16,8 @@
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
 #include "bounds/grid_case.h"
+#include "bounds/inertial_case.h"
+#include "bounds/kinds.h"
 #include "bounds/runs.h"
 #include "bounds/stages.h"
 #include "bounds/table.h"
@@ -62,6 +64,19 @@ static bool tell(const struct bound *b)
     fprintf(stderr, "%s: counted %llu instructions in the run '%s', expected at most %.0f\n",
             b->name, (unsigned long long)b->most, b->most_in, sum);
     return false;
+}
+
+/* False: a kind of unit has no bound, or one of nothing. */
+static bool are_bounded(void)
+{
+    bool all = true;
+    for (int kind = 0; kind < KIND_COUNT; kind++) {
+        const char *name = kind_name((enum kind)kind);
+        if (bound_sum(bound_of(name), NULL) > piece_costs[PIECE_clock]) continue;
+        fprintf(stderr, "%s: found no bound of this kind of unit, expected one\n", name);
+        all = false;
+    }
+    return all;
 }
 
 static void refuse(const char *option, const char *found)
@@ -115,18 +130,23 @@ int main(int argc, char **argv)
     runs_configure(&config, &size);
     struct fovea *rt = full_map_runtime(&config);
     two_cameras_config(&config, size.width, size.height);
-    config.features.count_max = rt->config.features.count_max;
+    runs_limit(&config, &size);
     struct fovea *two = full_map_runtime(&config);
+    inertial_case_config(&config, size.width, size.height);
+    runs_limit(&config, &size);
+    struct fovea *inertial = full_map_runtime(&config);
     grid_case_config(&config, size.width, size.height);
     runs_limit(&config, &size);
     struct fovea *grid = full_map_runtime(&config);
     const struct capacities capacities = capacities_of(rt, grid);
-    pieces_measure(rt, two, grid);
+    pieces_measure(rt, two, inertial, grid);
     free(grid);
+    free(inertial);
     free(two);
     free(rt);
     stages_derive(&capacities);
     units_derive(&capacities);
+    good = are_bounded();
     if (size.frames > 0) runs_play(&size);
     tell_capacities(&capacities);
     for (uint32_t i = 0; bound_at(i) != NULL; i++)

@@ -96,6 +96,18 @@ struct crowd full_map_crowd(const struct fv_odometry *o)
                           .descriptor = 0};
 }
 
+/* Measured of every feature, some of them off by more than counts in full. */
+static void measure_distances(struct fv_odometry *o, uint32_t slot)
+{
+    struct fv_inverse_distance *distances = fv_map_distances(&o->map, slot);
+    for (uint32_t f = 0; distances != NULL && f < o->map.keyframes[slot].features; f++) {
+        double point[3];
+        full_map_point(o, f, point);
+        distances[f] = (struct fv_inverse_distance){
+            .value = (float)(1 / fv_norm3(point) + (f % 2 == 0 ? 0.1 : 0)), .weight = 1e4f};
+    }
+}
+
 void full_map_view(struct fv_odometry *o, const struct crowd *crowd, uint32_t place)
 {
     const uint32_t count = o->map.limits.features, current = fv_map_current(&o->map);
@@ -121,6 +133,7 @@ void full_map_view(struct fv_odometry *o, const struct crowd *crowd, uint32_t pl
     fv_map_fill_frame(&o->map, current, features, descriptors, count, NULL);
     if (o->map.keyframes[current].features != count) abort();
     o->map.keyframes[current].depth = scene_depth;
+    measure_distances(o, current);
     free(descriptors);
     free(features);
 }
@@ -133,6 +146,8 @@ void full_map_fill(struct fv_odometry *o, uint32_t observers)
     const struct crowd crowd = full_map_crowd(o);
     int32_t parent = FV_MAP_NONE;
     fv_map_reset(&o->map);
+    if (o->map.distances != NULL) /* in metres by two cameras */
+        o->map.state->scale = (struct fv_map_scale){FOVEA_SCALE_STEREO, 0, 0, 1e-6};
     for (uint32_t k = 0; k < limits->keyframes; k++) {
         full_map_view(o, &crowd, k % FULL_MAP_PLACES);
         const uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));

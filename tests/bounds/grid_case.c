@@ -30,6 +30,7 @@ static void ask_for_most(struct fovea_grid_job_config *job)
     job->grid.range_m = 0.5 * job->grid.side_cells * job->grid.resolution_m;
     job->grid.rays = 1440;
     job->grid.heights = true;
+    job->grid.half_life_s = job->grid.movable_half_life_s = 2; /* all cells forget at each mask */
     for (int i = 0; i < 256; i++)
         job->labels[i] = (uint8_t)((i + FOVEA_GRID_FLOOR) % CLASSES);
     job->labels[FLOOR] = FOVEA_GRID_FLOOR;

@@ -42,6 +42,14 @@ enum {
     CLOSURE_GRAPH_KEYFRAMES = 8,
     /* stereo/align.c */
     STEREO_STEPS = 5,
+    /* inertial/estimator.c: samples and stations of a unit */
+    INERTIAL_INTEGRATED = 48,
+    INERTIAL_ELIMINATED = 5,
+    INERTIAL_STEPPED = 16,
+    /* detect/mask.c; and the masks of YOLOv8 and YOLO11 on pictures of 640 x 640 */
+    MASK_PRODUCTS = 1 << 17,
+    MASK_SIDE = 160,
+    MASK_COEFFICIENTS = 32,
     /* odometry/lens_window.c */
     LENS_SLOTS = 1500,
     LENS_POINTS = 20,

@@ -34,10 +34,17 @@ void film_render(struct film *film, const char *uri, int start, int step, int co
     const size_t bytes = (size_t)film->width * (size_t)film->height;
     film->pixels = malloc(bytes * (size_t)count);
     if (ops->info(source)->rig.camera_count > 1) film->seconds = malloc(bytes * (size_t)count);
+    if (ops->info(source)->rig.has_imu)
+        film->samples = calloc((size_t)count, sizeof *film->samples);
     while (film->count < count && ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         keep(film->pixels + bytes * (size_t)film->count, &frame.images[0]);
         if (film->seconds != NULL)
             keep(film->seconds + bytes * (size_t)film->count, &frame.images[1]);
+        if (film->samples != NULL) {
+            struct film_samples *samples = &film->samples[film->count];
+            samples->stamp_ns = frame.stamp_ns;
+            samples->count = ops->samples(source, &frame, samples->list, FOVEA_INPUT_SAMPLES_MAX);
+        }
         film->count++;
         ops->requeue(source, &frame);
     }
@@ -47,6 +54,7 @@ void film_render(struct film *film, const char *uri, int start, int step, int co
 
 void film_free(struct film *film)
 {
+    free(film->samples);
     free(film->seconds);
     free(film->pixels);
 }
@@ -118,6 +126,14 @@ void picture_window(uint8_t *pixels, const struct film *film, int n)
     for (int32_t y = top; y < top + side; y++)
         memcpy(pixels + (size_t)y * (size_t)film->width + left,
                from + (size_t)y * (size_t)film->width + left, (size_t)side);
+}
+
+void picture_blinks(uint8_t *pixels, const struct film *film, int n)
+{
+    if (n < film->count - film->count / 6)
+        picture_film(pixels, film, n);
+    else
+        memset(pixels, 128, bytes_of(film));
 }
 
 void picture_kidnapped(uint8_t *pixels, const struct film *film, int n)

@@ -6,11 +6,20 @@
 #include <stdint.h>
 
 #include "fovea/camera.h"
+#include "fovea/sensor.h"
+
+/* What came with a frame of a film. */
+struct film_samples {
+    struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
+    uint32_t count;
+    int64_t stamp_ns; /* of the frame */
+};
 
 /* Frames of the simulated camera, in memory. */
 struct film {
-    uint8_t *pixels;  /* grey, one frame after the other */
-    uint8_t *seconds; /* likewise of the second camera; NULL: none */
+    uint8_t *pixels;              /* grey, one frame after the other */
+    uint8_t *seconds;             /* likewise of the second camera; NULL: none */
+    struct film_samples *samples; /* by frame; NULL: none come */
     int count;
     int32_t width, height;
     struct fovea_camera camera;
@@ -30,6 +39,7 @@ picture_draw picture_tiles;     /* a small tile over and over, which moves */
 picture_draw picture_chequer;   /* of three pixels */
 picture_draw picture_dots;      /* as dense as corners may be */
 picture_draw picture_window;    /* of the film, but for a small window all grey */
+picture_draw picture_blinks;    /* of the film, and for the last part of it all grey */
 picture_draw picture_kidnapped; /* of the film, which jumps, with noise between */
 
 #endif

@@ -165,6 +165,14 @@ static void spoil(struct working *w, int how)
     }
 }
 
+static enum piece decoding_piece(const struct working *w)
+{
+    const int32_t phase = w->rt->detection.memory.scratch->progress.phase;
+    return phase == FV_DECODE_SCAN   ? PIECE_candidates_read
+           : phase == FV_DECODE_SORT ? PIECE_candidates_sorted
+                                     : PIECE_candidates_removed;
+}
+
 static void of_network(struct working *w)
 {
     enum { WAYS = 3 };
@@ -181,11 +189,11 @@ static void of_network(struct working *w)
             memset(&w->outputs, 0, sizeof w->outputs);
             if (phase == FV_NN_JOB_DONE && !spoilt) spoil(w, how);
             spoilt = spoilt || phase == FV_NN_JOB_DONE;
-            piece_note(phase == FV_NN_JOB_FILL   ? PIECE_network_input
-                       : phase == FV_NN_JOB_RUN  ? PIECE_network_unit
-                       : phase == FV_NN_JOB_DONE ? PIECE_network_decoded
-                                                 : PIECE_boxes_sent,
-                       (double)counter_of(unit, w));
+            const enum piece piece = phase == FV_NN_JOB_FILL   ? PIECE_network_input
+                                     : phase == FV_NN_JOB_RUN  ? PIECE_network_unit
+                                     : phase == FV_NN_JOB_DONE ? decoding_piece(w)
+                                                               : PIECE_boxes_sent;
+            piece_note(piece, (double)counter_of(unit, w));
         }
     }
 }

@@ -29,7 +29,7 @@ _Noreturn void piece_wrong(const char *file, int line, const char *what)
     exit(1);
 }
 
-void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *grid)
+void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *inertial, struct fovea *grid)
 {
     pieces_of_ground(grid);
     pieces_of_grid(grid);
@@ -37,6 +37,9 @@ void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *grid)
     pieces_of_stereo(two);
     pieces_of_stereo_match(two);
     pieces_of_stereo_align(two);
+    pieces_of_distances(two);
+    pieces_of_inertial(inertial);
+    pieces_of_inertial_samples(inertial);
     pieces_of_features(rt);
     pieces_of_pose(rt);
     pieces_of_map(rt);
@@ -60,6 +63,10 @@ void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *grid)
     pieces_of_floor(rt);
     pieces_of_jobs(rt);
     pieces_of_masks();
+    pieces_of_decoders();
+    pieces_of_tensors();
+    pieces_of_inputs(rt->config.rig.cameras[0].camera.width,
+                     rt->config.rig.cameras[0].camera.height);
     if (rt->config.odometry.closures) {
         pieces_of_closure(rt);
         pieces_of_similarity(rt);

@@ -91,6 +91,8 @@
     /* the map's job */                                                                            \
     ROW(shared_chosen, "the keyframe that shares most chosen, and its baseline judged")            \
     ROW(bearings, "bearings of a keyframe's features")                                             \
+    ROW(feature_measured, "a feature of known distance made a landmark")                           \
+    ROW(feature_unmeasured, "a feature passed by, its distance not known")                         \
     ROW(feature_triangulated, "a feature searched along its line among all features")              \
     ROW(feature_passed, "a feature passed by")                                                     \
     ROW(landmark_searched, "a landmark searched in a keyframe among all features")                 \
@@ -149,7 +151,16 @@
     ROW(preview_unit, "a unit of a preview, of noise")                                             \
     ROW(network_input, "a unit of a network's input")                                              \
     ROW(network_unit, "a unit of a network, the dearest of all")                                   \
-    ROW(network_decoded, "a unit of a network's outputs, with most candidates")                    \
+    ROW(candidates_read, "a unit of a network's outputs, the dearest of eleven decoders")          \
+    ROW(candidates_sorted, "most candidates sorted")                                               \
+    ROW(candidates_removed, "a unit of overlaps, upright or turned")                               \
+    ROW(picture_relit, "a picture given another luma for a network")                               \
+    ROW(network_balanced, "a unit of balancing the colours of a picture")                          \
+    ROW(keypoints_read, "keypoints of all objects, the dearest of five decoders")                  \
+    ROW(mask_pixel, "a pixel of an object's mask, with one prototype")                             \
+    ROW(mask_product, "each prototype of a pixel")                                                 \
+    ROW(mask_cleared, "a pixel of a mask cleared")                                                 \
+    ROW(tensors_sent, "a message of a network's outputs, full")                                    \
     ROW(mask_decoded, "a unit of a mask, the dearest of three outputs of the shipped network")     \
     ROW(mask_sent, "rows of a mask sent, the dearest of seven masks")                              \
     ROW(boxes_sent, "boxes of a picture mapped, objects updated, messages made")                   \
@@ -159,6 +170,26 @@
     ROW(segments_found, "a unit of line segments, the dearest of six pictures")                    \
     ROW(edges_sent, "rows of edges, and segments, sent")                                           \
     ROW(objects_assigned, "most detections assigned to most objects")                              \
+    /* an inertial sensor */                                                                       \
+    ROW(imu_judged, "a sample judged by the gate")                                                 \
+    ROW(imu_observed, "a sample taken, where all that wait are as many as may")                    \
+    ROW(motion_predicted, "the motion predicted by all samples that wait")                         \
+    ROW(inertial_posed, "a frame compared with all samples that wait, and made a station")         \
+    ROW(inertial_entered, "the same in another map, where all begins anew")                        \
+    ROW(inertial_coasted, "a frame without a pose, carried on by all samples that wait")           \
+    ROW(feature_placed, "a feature of a rolling shutter placed")                                   \
+    ROW(sense_offered, "a pose offered to samples between frames")                                 \
+    ROW(sense_taken, "a sample carried on to a pose")                                              \
+    ROW(sense_carried, "a sample that is kept, applied again from a new pose")                     \
+    ROW(sense_sent, "a pose between frames sent")                                                  \
+    ROW(inertial_begun, "poses of all stations taken from the map, and an estimate begun")         \
+    ROW(inertial_interval, "an interval between samples summed")                                   \
+    ROW(inertial_link, "a link between stations begun, and the next station led on")               \
+    ROW(inertial_guessed, "gravity guessed from all links")                                        \
+    ROW(inertial_eliminated, "a station eliminated")                                               \
+    ROW(inertial_solved, "the newest station solved, with its covariance")                         \
+    ROW(inertial_stepped, "a station moved by its step")                                           \
+    ROW(inertial_ended, "stations of one unit moved, the newest first, and the estimate judged")   \
     /* free space */                                                                               \
     ROW(ground_followed, "the floor carried on with a pose")                                       \
     ROW(space_noted, "points of most landmarks noted for a mask")                                  \
@@ -200,8 +231,10 @@ void piece_note(enum piece piece, double instructions);
 
 struct fovea;
 
-/* Measure all, on a runtime that they use up; `two` has two cameras, `grid` that of grid_case.h. */
-void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *grid);
+/* Measure all, on runtimes that they use up: `two` has two cameras, `inertial` a sensor besides,
+ * `grid` that of grid_case.h. */
+void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *inertial,
+                    struct fovea *grid);
 
 /* By file. */
 void pieces_of_features(struct fovea *rt);
@@ -225,6 +258,12 @@ void pieces_of_archive(struct fovea *rt);
 void pieces_of_lens(struct fovea *rt);
 void pieces_of_jobs(struct fovea *rt);
 void pieces_of_masks(void);
+void pieces_of_decoders(void);
+void pieces_of_inputs(int32_t width, int32_t height);
+void pieces_of_tensors(void);
+void pieces_of_distances(struct fovea *rt);
+void pieces_of_inertial(struct fovea *rt);
+void pieces_of_inertial_samples(struct fovea *rt);
 void pieces_of_edges(struct fovea *rt);
 void pieces_of_stereo(struct fovea *rt);
 void pieces_of_stereo_match(struct fovea *rt);

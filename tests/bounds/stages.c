@@ -268,6 +268,34 @@ static void add_rest_of_step(struct bound *b, const struct capacities *c)
     if (c->model > 0) TERM(b, BOUND_ALWAYS, 1, picture_copied);
 }
 
+/* What an inertial sensor adds: samples come in, and the stage of odometry goes on by them. */
+static void derive_inertial(const struct capacities *c)
+{
+    struct bound *b = bound_of("the rest of the step: inertial sensor");
+    const double features = c->features;
+    add_rest_of_step(b, c);
+    TERM(b, BOUND_ALWAYS, FOVEA_INPUT_SAMPLES_MAX, imu_judged);
+    TERM(b, BOUND_ALWAYS, FOVEA_INPUT_SAMPLES_MAX, imu_observed);
+    b = bound_of("odometry: motion by samples");
+    TERM(b, BOUND_ALWAYS, 1, motion_predicted);
+    b = bound_of("odometry: rolling shutter");
+    TERM(b, BOUND_ALWAYS, features, feature_placed);
+    TERM(b, BOUND_ALWAYS, 1, depth);
+    b = bound_of("odometry: inertial sensor");
+    b->ways[1] = "a pose";
+    b->ways[2] = "a pose in another map";
+    b->ways[3] = "no pose";
+    TERM(b, BOUND_ALWAYS, 1, depth);
+    TERM(b, BOUND_ALWAYS, 1, sense_offered);
+    TERM(b, 1, 1, inertial_posed);
+    TERM(b, 2, 1, inertial_entered);
+    TERM(b, 3, 1, inertial_coasted);
+    b = bound_of("fovea_sense");
+    TERM(b, BOUND_ALWAYS, FOVEA_INPUT_SAMPLES_MAX, sense_taken);
+    TERM(b, BOUND_ALWAYS, FV_SENSE_KEPT, sense_carried); /* once in a call: frames are rarer */
+    TERM(b, BOUND_ALWAYS, 1, sense_sent);
+}
+
 /* Messages, and the rest. */
 static void derive_others(const struct capacities *c)
 {
@@ -276,6 +304,9 @@ static void derive_others(const struct capacities *c)
     b = bound_of("encode");
     TERM(b, BOUND_ALWAYS, 1, encoded);
     add_rest_of_step(bound_of("the rest of the step"), c);
+    b = bound_of("the rest of the step: preprocessing for networks");
+    add_rest_of_step(b, c);
+    TERM(b, BOUND_ALWAYS, 1, picture_relit);
     b = bound_of("the rest of the step: free space");
     add_rest_of_step(b, c);
     TERM(b, BOUND_ALWAYS, 1, ground_followed);
@@ -290,4 +321,5 @@ void stages_derive(const struct capacities *c)
     derive_stereo(c);
     derive_odometry(c);
     derive_others(c);
+    derive_inertial(c);
 }

@@ -15,7 +15,7 @@
 enum {
     BOUND_TERMS_MAX = 160,
     BOUND_WAYS_MAX = 8,
-    BOUNDS_MAX = 64,
+    BOUNDS_MAX = 96,
     BOUND_OFTEN_BYTES = 400,
     BOUND_ALWAYS = 0
 };

@@ -15,6 +15,9 @@ static void derive_creation(const struct capacities *c)
     struct bound *b = bound_of("map: keyframe taken up");
     TERM(b, BOUND_ALWAYS, 1, neighbours);
     TERM(b, BOUND_ALWAYS, keyframes, shared_chosen);
+    b = bound_of("map: landmarks of measured distances");
+    TERM(b, BOUND_ALWAYS, CREATION_FEATURES, feature_measured);
+    TERM(b, BOUND_ALWAYS, features, feature_unmeasured);
     b = bound_of("map: new landmarks");
     TERM(b, BOUND_ALWAYS, 1, bearings);
     TERM(b, BOUND_ALWAYS, CREATION_FEATURES, feature_triangulated);
@@ -76,6 +79,25 @@ static void derive_rest_of_map(const struct capacities *c)
     TERM(b, 1, FV_ARCHIVE_UNIT_LANDMARKS, saved_landmark);
     TERM(b, 2, least(features, FV_ARCHIVE_UNIT_FEATURES), saved_feature);
     TERM(b, 3, 1, saved_edges);
+}
+
+static void derive_inertial(void)
+{
+    const double stations = FV_INERTIAL_STATIONS_MAX;
+    struct bound *b = bound_of("map: inertial estimate begun");
+    TERM(b, BOUND_ALWAYS, 1, inertial_begun);
+    b = bound_of("map: inertial samples summed");
+    TERM(b, BOUND_ALWAYS, INERTIAL_INTEGRATED, inertial_interval);
+    TERM(b, BOUND_ALWAYS, stations - 1, inertial_link);
+    TERM(b, BOUND_ALWAYS, 1, inertial_guessed);
+    b = bound_of("map: inertial stations eliminated");
+    TERM(b, BOUND_ALWAYS, INERTIAL_ELIMINATED, inertial_eliminated);
+    TERM(b, BOUND_ALWAYS, 1, inertial_solved);
+    b = bound_of("map: inertial stations moved");
+    b->ways[1] = "all of a unit";
+    b->ways[2] = "the newest first, and the end";
+    TERM(b, 1, INERTIAL_STEPPED, inertial_stepped);
+    TERM(b, 2, 1, inertial_ended);
 }
 
 static void derive_closure(const struct capacities *c)
@@ -154,10 +176,27 @@ static void derive_others(const struct capacities *c)
     b = bound_of("detect: network");
     TERM(b, BOUND_ALWAYS, 1, network_unit);
     b = bound_of("detect: decode");
-    TERM(b, BOUND_ALWAYS, 1, network_decoded);
+    b->ways[1] = "candidates read";
+    b->ways[2] = "sorted";
+    b->ways[3] = "those that overlap removed";
+    TERM(b, 1, 1, candidates_read);
+    TERM(b, 2, 1, candidates_sorted);
+    TERM(b, 3, 1, candidates_removed);
     b = bound_of("detect: boxes and objects");
     TERM(b, BOUND_ALWAYS, 1, boxes_sent);
     TERM(b, BOUND_ALWAYS, 1, objects_assigned);
+    b = bound_of("detect: white balance");
+    TERM(b, BOUND_ALWAYS, 1, network_balanced);
+    b = bound_of("detect: keypoints");
+    TERM(b, BOUND_ALWAYS, 1, keypoints_read);
+    b = bound_of("detect: masks of objects");
+    b->ways[1] = "cleared";
+    b->ways[2] = "an object; the last row may begin with one product left";
+    TERM(b, 1, MASK_SIDE * MASK_SIDE, mask_cleared);
+    TERM(b, 2, least(MASK_SIDE * MASK_SIDE, MASK_PRODUCTS + MASK_SIDE), mask_pixel);
+    TERM(b, 2, MASK_PRODUCTS + MASK_SIDE * MASK_COEFFICIENTS, mask_product);
+    b = bound_of("detect: outputs sent");
+    TERM(b, BOUND_ALWAYS, 1, tensors_sent);
     b = bound_of("detect: mask decoded");
     TERM(b, BOUND_ALWAYS, 1, mask_decoded);
     b = bound_of("detect: mask sent");
@@ -237,6 +276,7 @@ void units_derive(const struct capacities *c)
     derive_agreement();
     derive_window(c);
     derive_rest_of_map(c);
+    derive_inertial();
     derive_closure(c);
     derive_correction();
     derive_others(c);
