@@ -25,6 +25,7 @@ enum {
     FV_SIM_DRIVE_BLOCKS_MAX = 64,
     FV_SIM_DRIVE_MOVERS_MAX = 8,
     FV_SIM_DRIVE_PATH_MAX = 1024,
+    FV_SIM_DRIVE_STANDS = 64,
     FV_SIM_DRIVE_SECONDS_MAX = 1200
 };
 
@@ -62,6 +63,7 @@ struct fv_sim_drive {
     double begin_s, tick_s;
     struct fv_sim_drive_tick *tick;
     int64_t tick_count, tick_room;
+    bool jumps;       /* it stands from tick to tick, and then elsewhere */
     bool touches;     /* as of the last tick */
     int64_t contacts; /* times that the robot came to touch something */
     int64_t reached;  /* the first tick at the goal; -1: not yet */

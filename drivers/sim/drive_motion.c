@@ -153,7 +153,7 @@ static double find(const struct fv_sim_drive *d, double time_s,
     }
     const int64_t i = (int64_t)at;
     about[0] = &d->tick[i];
-    about[1] = &d->tick[i + 1];
+    about[1] = &d->tick[d->jumps ? i : i + 1];
     return at - (double)i;
 }
 
@@ -323,6 +323,44 @@ static bool drive_path(struct fv_sim_drive *d)
     return true;
 }
 
+/* ---- beside the pit -------------------------------------------------------------------------- */
+
+/* The robot stands where its camera may see the pit, more often near to it, whichever way it came.
+ */
+static void choose_stand(const struct fv_sim_drive *d, struct fv_random *random,
+                         struct fv_sim_drive_tick *tick)
+{
+    enum { TRIES = 400 };
+    const double gap_m = 0.02, aside = FV_PI / 3, *pit = d->pit;
+    for (int32_t tries = 0; tries < TRIES; tries++) {
+        const double reach = FV_SIM_DRIVE_RADIUS_M + draw(random, 0, draw(random, 0.1, 3.5));
+        const double x = draw(random, pit[0] - reach, pit[1] + reach),
+                     y = draw(random, pit[2] - reach, pit[3] + reach),
+                     to_x = draw(random, pit[0], pit[1]), to_y = draw(random, pit[2], pit[3]),
+                     off = draw(random, -aside, aside), at[2] = {x, y};
+        if (gap_at(d, at, tick) < gap_m) continue;
+        memcpy(tick->position, at, sizeof at);
+        tick->yaw = fv_atan2(to_y - y, to_x - x) + off;
+        return;
+    }
+}
+
+/* In each second elsewhere; where the hall has no pit, about its middle. What moves stands, too. */
+static bool stand_beside_pit(struct fv_sim_drive *d, uint64_t seed)
+{
+    struct fv_random random;
+    if (!make_room(d, FV_SIM_DRIVE_STANDS)) return false;
+    fv_random_seed(&random, seed ^ 0x57A2D5u);
+    d->tick_s = 1;
+    d->jumps = true;
+    stand_at_start(d);
+    for (; d->tick_count < FV_SIM_DRIVE_STANDS; d->tick_count++)
+        d->tick[d->tick_count] = d->tick[0];
+    for (int32_t i = 0; i < FV_SIM_DRIVE_STANDS; i++)
+        choose_stand(d, &random, &d->tick[i]);
+    return true;
+}
+
 /* ---- lanes ----------------------------------------------------------------------------------- */
 
 static double radius_of(enum fovea_truth_class object_class)
@@ -412,8 +450,9 @@ static bool choose_lanes(struct fv_sim_world *world)
 
 bool fv_sim_drive_create(struct fv_sim_world *world, const struct fv_sim_options *options)
 {
-    (void)options;
-    return choose_lanes(world) && drive_path(&world->drive);
+    struct fv_sim_drive *d = &world->drive;
+    return choose_lanes(world) &&
+           (options->stands ? stand_beside_pit(d, world->seed) : drive_path(d));
 }
 
 void fv_sim_drive_free(struct fv_sim_drive *d)

@@ -100,6 +100,11 @@ static enum fovea_status check_together(const struct fv_sim_options *options,
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "sim: commands: found 1 with the trajectory %s, expected drive",
                                trajectory_name[options->trajectory]);
+    if (options->stands && (options->trajectory != FV_SIM_DRIVE || options->commands))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: stands: found 1 with %s, expected drive without commands",
+                               options->commands ? "commands"
+                                                 : trajectory_name[options->trajectory]);
     if (!options->commands &&
         fv_sim_option_given(options, offsetof(struct fv_sim_options, patience_s)))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,

@@ -20,14 +20,19 @@ enum { SEEDS = 24 };
 static const struct fovea_source_ops *const ops = &fv_source_sim;
 static struct fv_sim_world world;
 
-static void build(int seed)
+static void build_with(int seed, const char *more)
 {
-    char address[32];
+    char address[48];
     struct fv_sim_options options;
     struct fovea_error error;
-    snprintf(address, sizeof address, "drive?seed=%d", seed);
+    snprintf(address, sizeof address, "drive?seed=%d%s", seed, more);
     assert_int_equal(fv_sim_options_parse(address, &options, &error), FOVEA_OK);
     assert_true(fv_sim_world_build(&world, &options));
+}
+
+static void build(int seed)
+{
+    build_with(seed, "");
 }
 
 /* ---- the path -------------------------------------------------------------------------------- */
@@ -128,6 +133,54 @@ static void every_hall_leaves_a_way_wider_than_the_robot(void **state)
     print_message("%d halls: %d with a pit, %d blocks, %d that move\n", SEEDS, pits, blocks,
                   movers);
     assert_true(pits > SEEDS / 3 && pits < SEEDS && blocks > 8 * SEEDS && movers > 2 * SEEDS);
+}
+
+/* ---- beside the pit -------------------------------------------------------------------------- */
+
+/* How far a place is from the pit, and how far off its direction the robot looks. */
+static double pit_distance(const struct fv_sim_drive *d, const double p[2], double yaw, double *off)
+{
+    const double x = fmax(fmax(d->pit[0] - p[0], p[0] - d->pit[1]), 0),
+                 y = fmax(fmax(d->pit[2] - p[1], p[1] - d->pit[3]), 0),
+                 to = atan2(0.5 * (d->pit[2] + d->pit[3]) - p[1],
+                            0.5 * (d->pit[0] + d->pit[1]) - p[0]);
+    *off = fabs(remainder(yaw - to, 2 * FV_PI));
+    return hypot(x, y);
+}
+
+/* In each second elsewhere, off all that stands and moves; truly still in between. */
+static void it_stands_beside_the_pit_where_that_is_asked_for(void **state)
+{
+    double least = 1e9, farthest = 0;
+    int halls = 0, near = 0, places = 0;
+    (void)state;
+    for (int seed = 0; seed < SEEDS; seed++) {
+        build_with(seed, "&stands=1");
+        const struct fv_sim_drive *d = &world.drive;
+        double p[2], later[2], was[2] = {0, 0}, yaw, yaw_later, off;
+        assert_true(fv_sim_drive_seconds(d) == FV_SIM_DRIVE_STANDS);
+        for (int n = 0; n < FV_SIM_DRIVE_STANDS && d->pit[1] > d->pit[0]; n++) {
+            fv_sim_drive_robot(d, n + 0.01, p, &yaw);
+            fv_sim_drive_robot(d, n + 0.99, later, &yaw_later);
+            assert_true(p[0] == later[0] && p[1] == later[1] && yaw == yaw_later);
+            assert_true(n == 0 || hypot(p[0] - was[0], p[1] - was[1]) > 1e-3);
+            assert_true(fv_sim_drive_gap(d, p, FV_SIM_DRIVE_RADIUS_M) > 0);
+            assert_true(mover_gap(d, n, p) > 0);
+            const double away = pit_distance(d, p, yaw, &off);
+            least = fmin(least, away);
+            farthest = fmax(farthest, away);
+            assert_true(off < 0.5 * FV_PI + 0.5);
+            near += away < 0.6;
+            places++;
+            memcpy(was, p, sizeof was);
+        }
+        halls += d->pit[1] > d->pit[0];
+        fv_sim_world_free(&world);
+    }
+    print_message("%d halls: %.2f to %.2f m from the pit, %d of %d within 0.6 m\n", halls, least,
+                  farthest, near, places);
+    assert_true(halls > SEEDS / 3 && least < 0.25 && farthest > 2 && farthest < 5);
+    assert_true(5 * near > 2 * places);
 }
 
 /* ---- what moves ------------------------------------------------------------------------------ */
@@ -292,13 +345,18 @@ static void cells_hold_what_the_pictures_show(void **state)
     assert_true(counts[0] > 5000 && counts[1] > 10000 && counts[2] * 50 < counts[1]);
 }
 
-static void more_that_moves_than_there_is_room_for_is_refused(void **state)
+static void what_does_not_fit_is_refused(void **state)
 {
     struct fovea_source *source = NULL;
     struct fovea_error error;
     (void)state;
     assert_int_equal(ops->open("drive?objects=9", NULL, &source, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "objects: found 9, expected at most 8"));
+    assert_int_equal(ops->open("drive?stands=1&commands=1", NULL, &source, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "stands: found 1 with commands, expected drive without"));
+    assert_int_equal(ops->open("orbit?stands=1", NULL, &source, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "stands: found 1 with orbit, expected drive without"));
 }
 
 int main(void)
@@ -306,12 +364,13 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_path_leads_to_the_goal_and_touches_nothing),
         cmocka_unit_test(every_hall_leaves_a_way_wider_than_the_robot),
+        cmocka_unit_test(it_stands_beside_the_pit_where_that_is_asked_for),
         cmocka_unit_test(what_moves_is_slow_and_stays_off_what_stands),
         cmocka_unit_test(what_moves_gives_way),
         cmocka_unit_test(a_contact_stops_the_robot_and_is_counted),
         cmocka_unit_test(the_rig_is_that_of_the_robot),
         cmocka_unit_test(cells_hold_what_the_pictures_show),
-        cmocka_unit_test(more_that_moves_than_there_is_room_for_is_refused),
+        cmocka_unit_test(what_does_not_fit_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
