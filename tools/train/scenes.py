@@ -15,6 +15,7 @@ class Kind(NamedTuple):
     trajectories: dict
     objects: tuple
     seeds: tuple = (1, 10**6)
+    more: dict = {}  # options of every address
 
 
 CROWDED = Kind({"wander": 9, "orbit": 4, "tour": 2, "corridor": 1, "fast": 1, "still": 1}, (24, 32, 48, 48))
@@ -22,6 +23,7 @@ PLACES = Kind({"wander": 6, "orbit": 4, "tour": 5, "corridor": 3, "fast": 1, "st
 DRIVES = Kind({"drive": 1}, (0, 3, 6, 8))
 ROADS = Kind({"road": 1}, (0, 3, 6, 8))
 PITS = Kind({"drive": 1}, (0, 0, 3), (10**6, 2 * 10**6))
+EDGES = Kind({"drive": 1}, (0, 0, 3), (2 * 10**6, 3 * 10**6), {"stands": 1})
 UNSEEN = Kind(PLACES.trajectories | {"drive": 6}, PLACES.objects, (7 * 10**6, 8 * 10**6))
 
 
@@ -37,6 +39,7 @@ def options(rng, kind=CROWDED):
         values.update(blur=1, exposure=f"{rng.uniform(3, 15):.1f}")
     if trajectory in ("road", "drive"):
         values.update(objects=min(values["objects"], 8), time=f"{rng.uniform(0, 9):.1f}")
+    values.update(kind.more)
     return f"sim:{trajectory}?" + "&".join(f"{k}={v}" for k, v in values.items())
 
 
@@ -77,6 +80,8 @@ def render_many(fovea, folder, worlds, frames, seed, kind=CROWDED):
             step //= 6  # of the few frames of a drive
         elif kind is PITS:
             step //= 3
+        elif kind is EDGES:
+            step = 30  # a second: each frame from elsewhere
         target = os.path.join(folder, f"{seed}-{world:04d}")
         if not os.path.exists(os.path.join(target, "truth.json")):
             subprocess.run(["rm", "-rf", target], check=True)

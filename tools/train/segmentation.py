@@ -28,7 +28,7 @@ PIT_WEIGHT = 3.0  # of a pit's pixels in the loss, for one of other obstacles: w
 SHOWN_EVERY = 1000  # steps
 PLACES = [("places", scenes_module.PLACES, 50), ("drives", scenes_module.DRIVES, 36), ("roads", scenes_module.ROADS, 14)]  # of 100 worlds
 PIT_TIMES = 2  # as often as other frames are these drawn to learn from; those held out count once
-PITS = 50  # more halls for 100 worlds, of which the frames that show a pit are taken: few others do
+PITS = [("pits", scenes_module.PITS, 50, 36), ("edges", scenes_module.EDGES, 30, 16)]  # more halls for 100 worlds, and frames of each: those that show a pit are taken, as few others do
 
 
 def labelled(scenes):
@@ -93,7 +93,9 @@ def train_shipped(arguments):
         found = []
         for folder, kind, share in PLACES:
             found += scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, folder), -(-worlds * share // 100), 12, seed, kind)
-        halls = scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, "pits"), -(-worlds * PITS // 100), 36, seed, scenes_module.PITS)
+        halls = []
+        for folder, kind, share, frames in PITS:
+            halls += scenes_module.render_many(arguments.fovea, os.path.join(arguments.work, folder), -(-worlds * share // 100), frames, seed, kind)
         return labelled(found) + pit_times * [(image, labels) for image, labels in labelled(halls) if (labels == PIT).sum() >= PIT_PIXELS]
 
     scenes, held_out = rendered(arguments.worlds, arguments.data_seed, PIT_TIMES), rendered(max(4, arguments.worlds // 12), arguments.data_seed + 1)
