@@ -15,10 +15,13 @@ struct fv_segmentation_place fv_segmentation_place(const struct fv_model *model,
 }
 
 /* Of `mask` pixels along an axis of the input: those whose centre, (2 k + 1) input / (2 mask), lies
- * in the `size` pixels from `first` on. */
+ * in the `size` pixels from `first` on; all of them where the input is no picture. */
 static void find_part(int32_t first, int32_t size, int32_t input, int32_t mask, int32_t *begin,
                       int32_t *count)
 {
+    *begin = 0;
+    *count = mask;
+    if (input < 1) return;
     const int64_t one = (int64_t)2 * input, from = (int64_t)2 * first * mask - input,
                   to = (int64_t)2 * (first + size) * mask - input;
     const int64_t low = from > 0 ? (from + one - 1) / one : 0,
