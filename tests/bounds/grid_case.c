@@ -10,19 +10,6 @@
 
 enum { IGNORED, FLOOR, OBSTACLE, MOVABLE, BEYOND, CLASSES };
 
-/* The small detector's file with another decoder. */
-static const void *segmenter(size_t *bytes)
-{
-    static _Alignas(64) uint8_t model[1 << 18];
-    const void *file = detector_model(bytes);
-    if (file == NULL) return NULL;
-    memcpy(model, file, *bytes);
-    struct fv_model_header *header = (struct fv_model_header *)(void *)model;
-    header->decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT};
-    header->checksum = fv_model_checksum(model + 16, *bytes - 16);
-    return model;
-}
-
 static void ask_for_most(struct fovea_grid_job_config *job)
 {
     job->enabled = true;
@@ -51,7 +38,7 @@ void grid_case_config(struct fovea_config *config, int32_t width, int32_t height
     grid_case_uri(uri, sizeof uri, width, height);
     fovea_config_default(config);
     config->rig = full_map_rig(uri);
-    config->detect.model = segmenter(&config->detect.model_bytes);
+    config->detect.model = detector_as_segmenter(&config->detect.model_bytes);
     config->scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
     config->scale.camera_height_m = config->rig.cameras[0].T_body_cam[11];
     ask_for_most(&config->grid_job);

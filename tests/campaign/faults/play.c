@@ -150,25 +150,13 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
 
-/* The golden network of the tests as one that labels pixels. */
-static const void *labeller(size_t *bytes)
-{
-    static _Alignas(64) uint8_t model[1 << 18];
-    const void *file = detector_model(bytes);
-    if (file == NULL) faults_die("tests/golden/detector.fvm cannot be read");
-    memcpy(model, file, *bytes);
-    struct fv_model_header *header = (struct fv_model_header *)(void *)model;
-    header->decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT};
-    header->checksum = fv_model_checksum(model + 16, *bytes - 16);
-    return model;
-}
-
 static void whole_runtime(struct fovea_config *config, const struct fv_model_file *shipped)
 {
     config->detect.model = shipped->data;
     config->detect.model_bytes = shipped->bytes;
     config->objects.movable[0] = ~0u;
-    config->detect2.model = labeller(&config->detect2.model_bytes);
+    config->detect2.model = detector_as_segmenter(&config->detect2.model_bytes);
+    if (config->detect2.model == NULL) faults_die("tests/golden/detector.fvm cannot be read");
     config->detect2.period_frames = 3;
     config->grid_job.enabled = true;
     memset(config->grid_job.labels, FOVEA_GRID_FLOOR, sizeof config->grid_job.labels);

@@ -32,28 +32,14 @@ static const double T_body_cam[12] = {0, 0, 1, 0.4, -1, 0, 0, 0.1, 0, -1, 0, 0.8
 
 static struct sim_rig rig;
 static bool with_heights = true;
-static _Alignas(64) uint8_t model[1 << 18];
-
-/* The golden network as one that labels pixels; returns its bytes. */
-static size_t make_model(void)
-{
-    size_t bytes = 0;
-    const void *file = detector_model(&bytes);
-    assert_non_null(file);
-    memcpy(model, file, bytes);
-    struct fv_model_header *header = (struct fv_model_header *)(void *)model;
-    header->decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT};
-    header->checksum = fv_model_checksum(model + 16, bytes - 16);
-    return bytes;
-}
 
 static void open_rig(const char *way)
 {
     sim_rig_open_kept(&rig, way, 0, FRAMES);
     rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
     memcpy(rig.config.rig.cameras[0].T_body_cam, T_body_cam, sizeof T_body_cam);
-    rig.config.detect.model = model;
-    rig.config.detect.model_bytes = make_model();
+    rig.config.detect.model = detector_as_segmenter(&rig.config.detect.model_bytes);
+    assert_non_null(rig.config.detect.model);
     struct fovea_grid_job_config *job = &rig.config.grid_job;
     job->enabled = true;
     job->grid.resolution_m = 0.05;

@@ -126,29 +126,15 @@ static void measure(struct fovea_inputs *inputs, int64_t n)
     inputs->temperature_c = 40 + (float)n;
 }
 
-/* The tests' network as one that labels pixels; returns its bytes. */
-static size_t make_segmenter(uint8_t *model)
-{
-    size_t bytes = 0;
-    const void *file = detector_model(&bytes);
-    assert_non_null(file);
-    memcpy(model, file, bytes);
-    struct fv_model_header *header = (struct fv_model_header *)(void *)model;
-    header->decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT};
-    header->checksum = fv_model_checksum(model + 16, bytes - 16);
-    return bytes;
-}
-
 /* With two networks, free space and every job. */
 static void run_measured(bool measured, fovea_lockstep_t *messages)
 {
-    static _Alignas(64) uint8_t segmenter[1 << 18];
     static const double T_body_cam[12] = {0, 0, 1, 0, -1, 0, 0, 0, 0, -1, 0, 0.8};
     open_with_all_jobs();
     rig.config.scale.allow_unscaled = true;
     rig.config.detect2 = rig.config.detect;
-    rig.config.detect.model_bytes = make_segmenter(segmenter);
-    rig.config.detect.model = segmenter;
+    rig.config.detect.model = detector_as_segmenter(&rig.config.detect.model_bytes);
+    assert_non_null(rig.config.detect.model);
     memcpy(rig.config.rig.cameras[0].T_body_cam, T_body_cam, sizeof T_body_cam);
     rig.config.grid_job.enabled = true;
     memset(rig.config.grid_job.labels, FOVEA_GRID_FLOOR, sizeof rig.config.grid_job.labels);

@@ -19,21 +19,7 @@
 
 enum { WIDTH = 320, HEIGHT = 240, FRAMES = 40, BLOCK = 8 };
 
-static _Alignas(64) uint8_t model[1 << 18];
 static uint8_t picture[WIDTH * HEIGHT];
-
-/* The golden network as one that labels pixels; returns its bytes. */
-static size_t make_model(void)
-{
-    size_t bytes = 0;
-    const void *file = detector_model(&bytes);
-    assert_non_null(file);
-    memcpy(model, file, bytes);
-    struct fv_model_header *header = (struct fv_model_header *)(void *)model;
-    header->decode = (struct fv_model_decode){.kind = FV_DECODER_SEGMENT};
-    header->checksum = fv_model_checksum(model + 16, bytes - 16);
-    return bytes;
-}
 
 static int brightness[256]; /* of each place of the mask's list; -1: there is none */
 
@@ -51,8 +37,8 @@ static void last_preview(bool drawn, uint8_t *pixels, uint8_t *places)
         .width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
     assert_int_equal(fovea_camera_prepare(&config.rig.cameras[0].camera, &error), FOVEA_OK);
     config.odometry.enabled = false;
-    config.detect.model = model;
-    config.detect.model_bytes = make_model();
+    config.detect.model = detector_as_segmenter(&config.detect.model_bytes);
+    assert_non_null(config.detect.model);
     config.preview = (struct fovea_preview_config){
         .cameras = 1, .period_frames = 1, .quality = 95, .level = 0, .segmentation = drawn};
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
