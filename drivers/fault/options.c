@@ -1,11 +1,6 @@
 #include "fault.h"
 
-#include <stdio.h>
-#include <string.h>
-
 #include "support/uri_options.h"
-
-enum { OPTIONS_BYTES = 2048 };
 
 static const char *const kind_names[] = {
 #define FV_FAULT(name, needs_last) #name,
@@ -25,7 +20,13 @@ static const struct fv_uri_option option_table[] = {
     {#name, FV_URI_##kind, AT(member), low, high, unit, NULL},
 #include "options.def"
 #undef FV_FAULT_OPTION
+#define FRACTION_OF(name) {#name, FV_URI_REAL, AT(fraction), 0.001, 1, "of the frames", NULL},
+#define FV_FAULT(name, needs_last) FRACTION_OF(name)
+#define FV_FAULT_OTHER(name) FRACTION_OF(name)
+#include "faults.def"
 };
+enum { FIRST_KIND = sizeof option_table / sizeof option_table[0] - FV_FAULT_COUNT };
+_Static_assert(sizeof option_table / sizeof option_table[0] <= 64, "a bit for each option given");
 static const struct fv_uri_table options_table = {.scheme = "fault",
                                                   .options = option_table,
                                                   .count =
@@ -62,35 +63,22 @@ static enum fovea_status kinds_check(uint32_t kinds, struct fovea_error *error)
     return FOVEA_OK;
 }
 
-static bool is_kind(const char *name)
+/* "KIND=FRACTION" is short for "kind=KIND&fraction=FRACTION": one in a schedule, as all of its
+ * kinds strike the same frames. */
+static enum fovea_status kind_of_row(uint64_t given, struct fv_fault_options *options,
+                                     struct fovea_error *error)
 {
-    for (int i = 0; kind_names[i] != NULL; i++)
-        if (strcmp(kind_names[i], name) == 0) return true;
-    return false;
-}
-
-/* "KIND=FRACTION" is short for "kind=KIND&fraction=FRACTION"; there is one in a schedule, as all of
- * its kinds strike the same frames. False: it does not fit. */
-static bool written_out(const char *text, char out[OPTIONS_BYTES])
-{
-    size_t length = 0;
-    out[0] = '\0';
-    for (const char *at = text; *at != '\0';) {
-        char name[FV_URI_WORD_BYTES];
-        const char *value = at;
-        const size_t whole = strcspn(at, "&");
-        fv_uri_next_word(&value, "=&", name);
-        const bool is_short = *value++ == '=' && is_kind(name);
-        const int more =
-            is_short ? snprintf(out + length, OPTIONS_BYTES - length, "%skind=%s&fraction=%.*s",
-                                length > 0 ? "&" : "", name, (int)(at + whole - value), value)
-                     : snprintf(out + length, OPTIONS_BYTES - length, "%s%.*s",
-                                length > 0 ? "&" : "", (int)whole, at);
-        if (more < 0 || length + (size_t)more >= OPTIONS_BYTES) return false;
-        length += (size_t)more;
-        at += whole + (at[whole] == '&');
-    }
-    return true;
+    const uint64_t brief = given >> FIRST_KIND;
+    bool twice = (brief & (brief - 1)) != 0 || options->kinds != 0;
+    if (brief == 0) return FOVEA_OK;
+    for (int row = 0; row < FIRST_KIND; row++)
+        twice |= (given >> row & 1) && option_table[row].offset == AT(fraction);
+    options->kinds = 1u << __builtin_ctzll(brief);
+    if (!twice) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "fault: %s: found beside another kind or fraction, expected one of each "
+                           "(one fault: may stand in another)",
+                           kind_names[__builtin_ctzll(brief)]);
 }
 
 enum fovea_status fv_fault_options_parse(const char *text, struct fv_fault_options *options,
@@ -103,9 +91,8 @@ enum fovea_status fv_fault_options_parse(const char *text, struct fv_fault_optio
 #undef FV_FAULT_OPTION
     };
     uint64_t given;
-    char whole[OPTIONS_BYTES];
-    const enum fovea_status status = fv_uri_options_parse(
-        &options_table, written_out(text, whole) ? whole : text, &o, &given, error);
+    enum fovea_status status = fv_uri_options_parse(&options_table, text, &o, &given, error);
+    if (status == FOVEA_OK) status = kind_of_row(given, &o, error);
     if (status != FOVEA_OK) return status;
     if (o.kinds == 0)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,

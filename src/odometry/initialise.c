@@ -17,8 +17,8 @@ enum {
     WAITING_FRAMES_MAX = 60 /* then the view has changed too much to hope */
 };
 
-/* Of a view's features, where these are few, that must be matched: MATCHES_WANTED,
- * FOVEA_START_MATCHES_MIN */
+/* Where a view has few features: the share of them that must be matched, in place of MATCHES_WANTED
+ * and of FOVEA_START_MATCHES_MIN */
 static const double wanted_of_features = 0.3, start_of_features = 0.25;
 static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad =
@@ -389,8 +389,8 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
     fv_odometry_queue(o, s->newest);
 }
 
-/* A number of matches, or a share of a view's features where these are few: fewer are found again,
- * but no fewer than a first map has points. */
+/* The matches that a view needs: `matches`, or this share of its features where that is less, but
+ * at least the points of a first map. */
 static uint32_t matches_of(const struct fv_map *map, uint32_t view, uint32_t matches, double share)
 {
     const double few = share * (double)fv_map_frame_at(map, view).keyframe->features;

@@ -89,12 +89,11 @@ bool fv_free_space_metric(const struct fv_publish *publish)
 void fv_free_space_follow(struct fv_free_space *stage, const struct fv_publish *publish)
 {
     if (!stage->enabled) return;
-    const bool lost = stage->grid.state->begun && !fv_free_space_metric(publish);
-    if (lost) fv_kept_grid_keep(stage);
-    if (!fv_free_space_metric(publish) ||
-        !fv_free_space_same(fv_free_space_world_of(publish), stage->state->world))
+    const bool lost = !fv_free_space_metric(publish);
+    if (lost && stage->grid.state->begun) fv_kept_grid_keep(stage);
+    if (lost || !fv_free_space_same(fv_free_space_world_of(publish), stage->state->world))
         fv_free_space_reset(stage);
-    if (!fv_free_space_metric(publish)) say_empty(stage, publish->state->stamp_ns);
+    if (lost) say_empty(stage, publish->state->stamp_ns);
 }
 
 /* What is not known of the scale lies along the line of sight. */

@@ -167,7 +167,7 @@ static void test_count_and_timeout(void **state)
     assert_int_equal(watched_end(&watched), 2);
 }
 
-/* Who forgets the prefix is told, and then hears nothing. */
+/* The channel of a message has a prefix: without it, a line names the channel that runs send. */
 static void test_a_name_without_prefix(void **state)
 {
     (void)state;

@@ -170,6 +170,10 @@ static void a_run_goes_on_without_counters(void **unused)
     shell("echo 'lcm_url: \"\"' >%s/front.yaml", folder);
     shell("STATE_DIRECTORY=%s %s/%s --config %s/front.yaml", folder, build_folder(), run, folder);
     shell("grep -qx 'ends: 1' %s/front.health", folder);
+    /* That place may be gone, as on a disk that has failed. */
+    shell("STATE_DIRECTORY=%s/gone %s/%s --config %s/front.yaml 2>%s/said", folder, build_folder(),
+          run, folder, folder);
+    shell("grep -q 'gone/front.health: cannot be written' %s/said", folder);
 }
 
 int main(void)

@@ -234,10 +234,15 @@ void fv_classes_floor(const struct fv_settings *settings, const struct fv_model 
     text[0] = '\0';
     if (!job->enabled || !labels_pixels(labeller)) return;
     const int32_t first = labeller->header->decode.first_label;
-    for (int32_t c = 0; c < 256 && c + first < (int32_t)labeller->header->label_count; c++)
+    for (int32_t c = 0; c < 256; c++) {
+        char number[16];
+        snprintf(number, sizeof number, "class %d", (int)c);
+        const bool named = c + first < (int32_t)labeller->header->label_count;
         if (job->labels[c] == FOVEA_GRID_FLOOR && length < capacity)
             length += (size_t)snprintf(text + length, capacity - length, "%s%.60s",
-                                       length > 0 ? ", " : "", fv_model_label(labeller, c + first));
+                                       length > 0 ? ", " : "",
+                                       named ? fv_model_label(labeller, c + first) : number);
+    }
 }
 
 enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,

@@ -19,8 +19,9 @@ enum fovea_status fv_classes_resolve_grid(struct fv_settings *settings,
                                           const struct fv_model *model,
                                           const struct fv_model *model2, struct fovea_error *error);
 
-/* The names of the classes that are floor to the grid, with commas between, cut where `text` is
- * full; "" where the grid is off. After fv_classes_resolve_grid with the same networks. */
+/* The names of the classes that are floor to the grid, their numbers where they have none, with
+ * commas between, cut where `text` is full; "" where the grid is off. After fv_classes_resolve_grid
+ * with the same networks. */
 void fv_classes_floor(const struct fv_settings *settings, const struct fv_model *model,
                       const struct fv_model *model2, char *text, size_t capacity);
 

@@ -31,7 +31,7 @@ _Static_assert(WRITTEN_MAX + MAPS_MAX <= FV_FILES_WATCHED_MAX, "raise FV_FILES_W
 
 static int list_written(const struct fv_run *run, struct written *written)
 {
-    const char *kept = run->settings.parameters_file, *history = run->health.history_path;
+    const char *kept = run->settings.parameters_file, *history = run->settings.health_state_file;
     const bool drawn = run->picture_path != NULL && strcmp(run->picture_path, "none") != 0;
     const struct fv_file files[] = {
         {"--record", run->settings.record},
@@ -44,7 +44,7 @@ static int list_written(const struct fv_run *run, struct written *written)
         {"--objects", run->objects_path},
         {"--grid", run->grid_path},
         {"parameters.file", kept[0] != '\0' ? kept : NULL},
-        {"health.state_file", history[0] != '\0' ? history : NULL},
+        {"health.state_file", history[0] != '\0' && strcmp(history, "auto") != 0 ? history : NULL},
     };
     int count = sizeof files / sizeof files[0];
     memset(written->files, 0, sizeof written->files);

@@ -67,7 +67,8 @@ struct fv_run_health {
 
 /* Before the loop: whether there is health at all, the self-test, and one start more in the
  * history. A robot does not stand still for its counters: a file that is damaged is left as it is,
- * one that cannot be written is tried again each minute, and a line says so. Init-only. */
+ * one that cannot be written is tried again each minute, and a line says so (a wrong name in the
+ * configuration was refused before: run_files.c). Init-only. */
 void fv_run_health_open(struct fv_run *run);
 /* Look at everything; the watching thread. */
 void fv_run_health_tend(struct fv_run *run);

@@ -84,8 +84,8 @@ static void take(void *context, const struct fv_received *received)
     fovea_velocity_command_t message;
     if (!decode(received, &message)) {
         add(&input->malformed);
-        say_dropped(input, "found one that is no velocity_command_t of numbers below 100, expected "
-                           "m/s and rad/s");
+        say_dropped(input, "found a malformed one or a number of 100 and more, expected a "
+                           "velocity_command_t in m/s and rad/s");
         return;
     }
     const struct fv_command_claim claim = {.data = received->data,

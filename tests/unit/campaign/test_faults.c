@@ -150,6 +150,10 @@ static void wrong_poses_give_no_unit_to_right_ones(void **unused)
     }
     judge(&verdict, true);
     assert_true(verdict.wrong > FRAMES / 10 && verdict.wrong <= FRAMES / 5);
+    walk(FOVEA_SCALE_FREE);
+    bend(FRAMES * 3 / 5, 4, 0); /* too long by more than the others would be too short */
+    judge(&verdict, true);
+    assert_true(verdict.wrong > FRAMES / 5 && verdict.wrong <= FRAMES * 2 / 5);
 }
 
 /* A walk whose stamps leap in some windows. Frames whose stamps are not after that of the last

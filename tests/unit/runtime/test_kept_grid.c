@@ -477,6 +477,13 @@ static void what_a_loss_ended_is_known_again(void **state)
     const int known = count_known(before.cells, CELLS), again = count_known(grid.cells, CELLS);
     print_message("%d cells known before the loss, %d in the first grid behind it\n", known, again);
     assert_true(known > 1000 && again > 0.8 * known);
+    /* What an earlier loss kept gives way to the next one, whichever map it is of. */
+    struct fv_archive_grid *kept = &rig.rt->free_space.kept->loaded;
+    kept->map_id = 77;
+    while (next(75))
+        ;
+    assert_int_equal(rig.pose[79].state, FOVEA_TRACKING_LOST);
+    assert_true(kept->side == SIDE && kept->map_id != 77);
     sim_rig_close(&rig);
 }
 

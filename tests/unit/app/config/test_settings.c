@@ -411,6 +411,7 @@ static void test_classes_of_the_grid(void **state)
     strcpy(settings.grid_floor, "auto");
     strcpy(settings.grid_ignored, "");
     char *label[4], text[64];
+    const uint32_t label_count = model->header->label_count;
     for (int32_t c = 0; c < 4; c++)
         label[c] = (char *)(uintptr_t)fv_model_label(model, c + first);
     assert_true(strlen(label[1]) == 4 && strlen(label[3]) == 6);
@@ -421,6 +422,10 @@ static void test_classes_of_the_grid(void **state)
     assert_int_equal(labels[0], FOVEA_GRID_MOVABLE);
     fv_classes_floor(&settings, model, NULL, text, sizeof text);
     assert_string_equal(text, "x;path");
+    ((struct fv_model_header *)(uintptr_t)model->header)->label_count = 0;
+    fv_classes_floor(&settings, model, NULL, text, sizeof text);
+    assert_string_equal(text, "class 3"); /* without labels */
+    ((struct fv_model_header *)(uintptr_t)model->header)->label_count = label_count;
     memcpy(label[3], "x;pat;", 6); /* a part of a name is none */
     assert_int_equal(fv_classes_resolve_grid(&settings, model, NULL, &error), FOVEA_ERROR_INPUT);
     strcpy(settings.grid_floor, "3");

@@ -521,7 +521,8 @@ static void test_a_silent_camera_of_a_rig(void **state)
     run.shared.images[1] = 1;
     fv_run_health_tend(&run);
     assert_int_equal(told("source")->state, FV_HEALTH_OK);
-    run.settings.runtime.rig.camera_count = 1; /* the frame's silence is told then */
+    run.settings.runtime.rig.camera_count =
+        1; /* without a rig, a silent camera is a frame that lacks */
     run.health.image_ns[0] -= INT64_C(61000000000);
     fv_run_health_tend(&run);
     assert_int_equal(told("source")->state, FV_HEALTH_OK);

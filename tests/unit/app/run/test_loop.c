@@ -147,6 +147,7 @@ static void test_every_frame_at_full_speed(void **state)
     assert_int_equal(loop.status, FOVEA_END);
     assert_int_equal(loop.counts.in, 100);
     assert_int_equal(loop.counts.processed, 98);
+    assert_true(shared.images[0] == 98 && shared.images[1] == 0);
     assert_int_equal(loop.counts.refused, 2);
     assert_int_equal(loop.counts.late, 0);
     assert_int_equal(timings.step.cpu.count, 98);
