@@ -197,11 +197,13 @@ static long long faults_of(pid_t process)
 static void pages_that_are_taken_back_are_not_missed(void **state)
 {
     (void)state;
-    static const char *const words[] = {"run",        "--quiet",  "--picture",
-                                        "none",       "--source", "sim:wander?width=160&height=120",
-                                        "--rate",     "real",     "--set",
-                                        "lcm_url=",   "--record", recording,
-                                        "--save-map", map,        NULL};
+    /* What is read again holds up writes: the recording may wait for longer. */
+    static const char *const words[] = {"run",      "--quiet",  "--picture",
+                                        "none",     "--source", "sim:wander?width=160&height=120",
+                                        "--rate",   "real",     "--set",
+                                        "lcm_url=", "--set",    "record_buffer=300",
+                                        "--record", recording,  "--save-map",
+                                        map,        NULL};
 #ifdef FOVEA_SANITIZED
     print_message("SKIPPED pages taken back: sanitizers hold more than there is\n");
     skip();

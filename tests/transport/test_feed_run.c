@@ -171,48 +171,60 @@ static void frames_with_padded_rows_are_offered(void **state)
     assert_int_equal(watched_end(&watched), 0);
 }
 
-static void a_feed_changes_no_result(void **state)
+/* Messages and frames, from the start of a run to its end. */
+static pid_t start_reader(void)
+{
+    const pid_t reader = fork();
+    if (reader != 0) return reader;
+    const char *const arguments[] = {"read.png", "--feed", path, NULL};
+    if (chdir(folder) != 0 || freopen("/dev/null", "w", stderr) == NULL ||
+        freopen("/dev/null", "w", stdout) == NULL)
+        _exit(1);
+    for (;;) {
+        const pid_t once = fork();
+        if (once == 0) watched_exec("snapshot", arguments);
+        waitpid(once, NULL, 0);
+        usleep(5000);
+    }
+}
+
+/* The trajectory of a run, from malloc; `read`: of one whose feed is read. */
+static char *track_of(bool read, size_t *bytes)
 {
     static char text[TEXT_BYTES];
-    char *tracks[2], file[96];
-    size_t bytes[2];
-    (void)state;
-    for (int i = 0; i < 2; i++) {
-        pid_t reader = 0;
-        char words[400];
-        snprintf(
-            words, sizeof words,
-            "run --source 'sim:orbit?width=320&height=240' --frames 180 --quiet --picture none "
-            "--set " HALF " --set lcm_url= --trajectory @/%d %s",
-            i, i == 1 ? "--set web.socket=@/s" : "");
-        if (i == 1 && (reader = fork()) == 0) { /* messages and frames, from the start to the end */
-            const char *const arguments[] = {"read.png", "--feed", path, NULL};
-            if (chdir(folder) != 0 || freopen("/dev/null", "w", stderr) == NULL ||
-                freopen("/dev/null", "w", stdout) == NULL)
-                _exit(1);
-            for (;;) {
-                const pid_t once = fork();
-                if (once == 0) watched_exec("snapshot", arguments);
-                waitpid(once, NULL, 0);
-                usleep(5000);
-            }
-        }
-        assert_int_equal(fovea(words, text), 0);
-        if (reader > 0) {
-            kill(reader, SIGKILL);
-            waitpid(reader, NULL, 0);
-        }
-        snprintf(file, sizeof file, "%s/%d", folder, i);
-        if (fv_text_read(file, 1 << 20, &tracks[i], &bytes[i], &error) != FOVEA_OK)
-            fail_msg("%s", error.text);
+    char words[400], file[96], *track;
+    snprintf(words, sizeof words,
+             "run --source 'sim:orbit?width=320&height=240' --frames 180 --quiet --picture none "
+             "--set " HALF " --set lcm_url= --trajectory @/%d %s",
+             read, read ? "--set web.socket=@/s" : "");
+    const pid_t reader = read ? start_reader() : 0;
+    assert_int_equal(fovea(words, text), 0);
+    if (reader > 0) {
+        kill(reader, SIGKILL);
+        waitpid(reader, NULL, 0);
     }
+    snprintf(file, sizeof file, "%s/%d", folder, read);
+    if (fv_text_read(file, 1 << 20, &track, bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    return track;
+}
+
+/* A reader that has no processor while the run lasts is tried again. */
+static void a_feed_changes_no_result(void **state)
+{
+    char file[96];
+    size_t bytes, read_bytes;
+    (void)state;
+    char *track = track_of(false, &bytes);
     snprintf(file, sizeof file, "%s/read.png", folder);
+    for (int tries = 0; tries < 10 && access(file, F_OK) != 0; tries++) {
+        char *read = track_of(true, &read_bytes);
+        assert_true(bytes > 1000);
+        assert_int_equal(bytes, read_bytes);
+        assert_memory_equal(track, read, bytes);
+        free(read);
+    }
     assert_int_equal(access(file, F_OK), 0); /* somebody did read */
-    assert_true(bytes[0] > 1000);
-    assert_int_equal(bytes[0], bytes[1]);
-    assert_memory_equal(tracks[0], tracks[1], bytes[0]);
-    free(tracks[0]);
-    free(tracks[1]);
+    free(track);
 }
 
 int main(void)

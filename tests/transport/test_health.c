@@ -140,7 +140,7 @@ static void counters_survive_a_kill(void **unused)
         " --set loop.priority=0 --set health.state_file=";
     shell("%s/%s%s/state --frames 30", build_folder(), run, folder);
     shell(
-        "%s/%s%s/state & pid=$!; for i in $(seq 600); do grep -q 'starts: 2' %s/state && break; sleep 0.1; done; kill -9 $pid",
+        "%s/%s%s/state & pid=$!; for i in $(seq 600); do grep -q 'starts: 2' %s/state && break; sleep 0.1; done; kill -9 $pid; wait $pid; test $? = 137",
         build_folder(), run, folder, folder);
     shell("grep '^frames: [1-9]' %s/state >%s/before", folder, folder);
     shell("%s/%s%s/state --frames 30", build_folder(), run, folder);
