@@ -16,23 +16,14 @@
 #include "fovea/source.h"
 #include "support/text.h"
 #include "sequence.h"
+#include "sequence_map.h"
 
-enum {
-    PARTS_MAX = 8,
-    ADDRESS_MAX = 4096,
-    FRACTION_BITS = 5,
-    PLACE_MAX = 1 << (16 - FRACTION_BITS)
-};
-
-/* Where a pixel comes from: pixels of the part's image times 2^FRACTION_BITS, within its border. */
-struct from {
-    uint16_t x, y;
-};
+enum { PARTS_MAX = 8, ADDRESS_MAX = 4096 };
 
 struct part {
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
-    struct from *map[FOVEA_CAMERAS_MAX]; /* by camera; NULL: its pictures fit as they are */
+    struct fv_sequence_place *map[FOVEA_CAMERAS_MAX]; /* by camera; NULL: its pictures fit */
 };
 
 struct held {
@@ -161,81 +152,6 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
                            fv_text_quote(text, quoted, sizeof quoted), differs);
 }
 
-/* ---- one camera for all ---------------------------------------------------------------------- */
-
-static bool same_camera(const struct fovea_source_info *a, const struct fovea_source_info *b,
-                        uint32_t i)
-{
-    const struct fovea_camera *p = &a->rig.cameras[i].camera, *q = &b->rig.cameras[i].camera;
-    if (a->cameras[i].width != b->cameras[i].width ||
-        a->cameras[i].height != b->cameras[i].height || a->format != b->format)
-        return false;
-    if (!a->rig.cameras[i].calibrated || !b->rig.cameras[i].calibrated) return true;
-    for (size_t k = 0; k < sizeof p->k / sizeof p->k[0]; k++)
-        if (p->k[k] != q->k[k]) return false;
-    return p->lens == q->lens && p->fx == q->fx && p->fy == q->fy && p->cx == q->cx &&
-           p->cy == q->cy;
-}
-
-static uint16_t fixed(double place, int32_t size)
-{
-    const double most = size - 1;
-    return (uint16_t)((place < 0 ? 0 : place > most ? most : place) * (1 << FRACTION_BITS) + 0.5);
-}
-
-/* Of camera i. */
-static enum fovea_status make_map(const struct fovea_source_info *to, struct part *part, uint32_t i,
-                                  struct fovea_error *error)
-{
-    const struct fovea_source_info *from = part->ops->info(part->source);
-    if (same_camera(to, from, i)) return FOVEA_OK;
-    if (!to->rig.cameras[i].calibrated || !from->rig.cameras[i].calibrated ||
-        to->format != FOVEA_PIXEL_GREY8 || from->format != FOVEA_PIXEL_GREY8 ||
-        from->cameras[i].width > PLACE_MAX || from->cameras[i].height > PLACE_MAX)
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT,
-            "sequence: found a part of %d x %d pixels after one of %d x %d, expected the same or grey pictures of known cameras, at most %d each way",
-            from->cameras[i].width, from->cameras[i].height, to->cameras[i].width,
-            to->cameras[i].height, PLACE_MAX);
-    part->map[i] =
-        malloc((size_t)to->cameras[i].width * (size_t)to->cameras[i].height * sizeof *part->map[i]);
-    if (part->map[i] == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
-    const struct fovea_camera *seen = &to->rig.cameras[i].camera,
-                              *taken = &from->rig.cameras[i].camera;
-    struct from *at = part->map[i];
-    for (int32_t y = 0; y < to->cameras[i].height; y++)
-        for (int32_t x = 0; x < to->cameras[i].width; x++, at++) {
-            const double pixel[2] = {x, y};
-            double bearing[3], place[2] = {0, 0};
-            *at = (struct from){0, 0}; /* where the lens sees nothing: the corner */
-            if (fovea_camera_unproject(seen, pixel, bearing, NULL) != FOVEA_OK ||
-                fovea_camera_project(taken, bearing, place, NULL) != FOVEA_OK)
-                continue;
-            *at = (struct from){fixed(place[0], from->cameras[i].width),
-                                fixed(place[1], from->cameras[i].height)};
-        }
-    return FOVEA_OK;
-}
-
-/* Bilinear, rounded. */
-static void resample(const struct fovea_source_camera *seen, const struct from *map,
-                     const struct fovea_image *from, uint8_t *to)
-{
-    const int32_t one = 1 << FRACTION_BITS;
-    const size_t count = (size_t)seen->width * (size_t)seen->height;
-    for (size_t i = 0; i < count; i++) {
-        const int32_t x = map[i].x >> FRACTION_BITS, y = map[i].y >> FRACTION_BITS;
-        const int32_t u = map[i].x & (one - 1), v = map[i].y & (one - 1);
-        const uint8_t *row = from->data + (size_t)y * (size_t)from->stride_bytes + x;
-        const uint8_t *below = v > 0 ? row + from->stride_bytes : row;
-        const int32_t right = u > 0;
-        const int32_t upper = row[0] * (one - u) + row[right] * u,
-                      lower = below[0] * (one - u) + below[right] * u;
-        to[i] = (uint8_t)((upper * (one - v) + lower * v + one * one / 2) >> (2 * FRACTION_BITS));
-    }
-}
-
 /* ---- open and close -------------------------------------------------------------------------- */
 
 static void sequence_close(struct fovea_source *source)
@@ -287,10 +203,11 @@ static enum fovea_status make_maps(struct fovea_source *source, struct part *par
     struct fovea_source_info *info = &source->info;
     for (uint32_t i = 0; i < info->rig.camera_count; i++) {
         const size_t bytes = picture_bytes(info, i);
-        const enum fovea_status status = make_map(info, part, i, error);
+        const enum fovea_status status =
+            fv_sequence_map_make(info, part->ops->info(part->source), i, &part->map[i], error);
         if (status != FOVEA_OK) return status;
         if (part->map[i] == NULL) continue;
-        info->heap_bytes += bytes * sizeof(struct from);
+        info->heap_bytes += bytes * sizeof *part->map[i];
         for (uint32_t k = 0; k < fv_source_frames_held(&source->selection); k++) {
             uint8_t **pixels = &source->held[k].pixels[i];
             if (*pixels != NULL) continue;
@@ -422,7 +339,7 @@ static void hand_out(struct fovea_source *source, uint32_t slot, struct fovea_fr
         const struct fovea_source_camera *seen = &source->info.cameras[i];
         const struct fovea_image *own = &held->own.images[i];
         if (part->map[i] == NULL || own->data == NULL) continue;
-        resample(seen, part->map[i], own, held->pixels[i]);
+        fv_sequence_map_apply(part->map[i], seen, own, held->pixels[i]);
         frame->images[i] = (struct fovea_image){.data = held->pixels[i],
                                                 .width = seen->width,
                                                 .height = seen->height,
