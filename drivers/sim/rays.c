@@ -1,11 +1,12 @@
+#include "geometry/radtan.h"
 #include "sim.h"
 
 /* Normalised coordinates of the pixels of a row: the steps of fovea_camera_unproject for a
- * radial-tangential lens, bit for bit, of LANES pixels at once, so that the compiler can use
- * vectors and no pixel waits for the divisions of another. A pixel that leaves the usual way, and
- * every pixel of other lenses, is left to fovea_camera_unproject itself. */
+ * radial-tangential lens (geometry/radtan.h), bit for bit, of LANES pixels at once, so that the
+ * compiler can use vectors and no pixel waits for the divisions of another. A pixel that leaves the
+ * usual way, and every pixel of other lenses, is left to fovea_camera_unproject itself. */
 
-enum { LANES = 8, RADIAL_STEPS = 60, PLANE_STEPS = 20 };
+enum { LANES = 8 };
 
 /* Whole numbers as wide as the coordinates, for vectors: 0 or -1. */
 struct lanes {
@@ -27,23 +28,20 @@ FV_IN_WIDE void find_radii(const double k[8], double radius_max, struct lanes *r
         high[i] = radius_max;
         done[i] = l->odd[i] = 0;
     }
-    for (int32_t step = 0; step < RADIAL_STEPS && left != 0; step++) {
+    for (int32_t step = 0; step < FV_RADTAN_RADIAL_STEPS && left != 0; step++) {
         left = 0;
         for (int32_t i = 0; i < LANES; i++) {
-            const double r2 = r[i] * r[i];
-            const double scale = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
-            const double derivative = k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]);
-            const double error = r[i] * scale - l->distorted[i],
-                         slope = scale + 2 * r[i] * r[i] * derivative;
+            double scale, derivative, error, slope;
+            fv_radtan_above(k, r[i] * r[i], &scale, &derivative);
+            fv_radtan_radial_error(r[i], l->distorted[i], scale, derivative, &error, &slope);
             const double top = error > 0 ? r[i] : high[i], bottom = error > 0 ? low[i] : r[i];
-            const double next = r[i] - error / slope, moved = next - r[i],
-                         near = 1e-13 * (1 + next);
+            const double next = r[i] - error / slope, moved = next - r[i];
             const int64_t fits = -(int64_t)((slope > 0) & (next >= bottom) & (next <= top));
             l->odd[i] |= ~done[i] & ~fits;
             high[i] = done[i] ? high[i] : top;
             low[i] = done[i] ? low[i] : bottom;
             r[i] = done[i] ? r[i] : next;
-            done[i] |= -(int64_t)((moved < near) & (moved > -near));
+            done[i] |= -(int64_t)fv_radtan_radius_found(moved, next);
             left |= ~(done[i] | l->odd[i]);
         }
     }
@@ -56,7 +54,6 @@ FV_IN_WIDE void find_radii(const double k[8], double radius_max, struct lanes *r
 /* Newton's steps on the plane at distance 1, from the point at that radius. */
 FV_IN_WIDE void find_points(const double k[8], struct lanes *restrict l)
 {
-    const double p1 = k[2], p2 = k[3];
     double x[LANES], y[LANES], to_x[LANES], to_y[LANES];
     int64_t done[LANES], left = -1;
     for (int32_t i = 0; i < LANES; i++) {
@@ -65,24 +62,20 @@ FV_IN_WIDE void find_points(const double k[8], struct lanes *restrict l)
         y[i] = l->v[i] * ratio;
         done[i] = 0;
     }
-    for (int32_t step = 0; step < PLANE_STEPS && left != 0; step++) {
+    for (int32_t step = 0; step < FV_RADTAN_PLANE_STEPS && left != 0; step++) {
         left = 0;
         for (int32_t i = 0; i < LANES; i++) {
             const double r2 = x[i] * x[i] + y[i] * y[i];
-            const double scale = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
-            const double derivative = k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]);
-            const double a = l->u[i] -
-                             (x[i] * scale + 2 * p1 * x[i] * y[i] + p2 * (r2 + 2 * x[i] * x[i])),
-                         b = l->v[i] -
-                             (y[i] * scale + p1 * (r2 + 2 * y[i] * y[i]) + 2 * p2 * x[i] * y[i]);
-            const double xx = scale + 2 * x[i] * x[i] * derivative + 2 * p1 * y[i] + 6 * p2 * x[i],
-                         xy = 2 * x[i] * y[i] * derivative + 2 * p1 * x[i] + 2 * p2 * y[i],
-                         yy = scale + 2 * y[i] * y[i] * derivative + 6 * p1 * y[i] + 2 * p2 * x[i];
-            const double determinant = xx * yy - xy * xy, miss = a * a + b * b,
-                         enough = 1e-28 * (1 + l->distorted[i] * l->distorted[i]);
-            to_x[i] = x[i] + (yy * a - xy * b) / determinant;
-            to_y[i] = y[i] + (xx * b - xy * a) / determinant;
-            const int64_t there = -(int64_t)(miss <= enough), falls = -(int64_t)(determinant > 0);
+            double scale, derivative, u, v, xx, xy, yy;
+            fv_radtan_above(k, r2, &scale, &derivative);
+            fv_radtan_place(k, x[i], y[i], r2, scale, &u, &v);
+            fv_radtan_slopes(k, x[i], y[i], scale, derivative, &xx, &xy, &yy);
+            const double a = l->u[i] - u, b = l->v[i] - v, determinant = xx * yy - xy * xy;
+            to_x[i] = x[i];
+            to_y[i] = y[i];
+            fv_radtan_move(a, b, xx, xy, yy, determinant, &to_x[i], &to_y[i]);
+            const int64_t there = -(int64_t)fv_radtan_point_found(a * a + b * b, l->distorted[i]),
+                          falls = -(int64_t)(determinant > 0);
             l->odd[i] |= ~done[i] & ~falls;
             done[i] |= there;
             left |= ~(done[i] | l->odd[i]);

@@ -8,13 +8,13 @@
 #include <stddef.h>
 
 #include "base/elementary.h"
+#include "geometry/radtan.h"
 
 enum {
     SCAN_STEPS = 2048,
     BISECTIONS = 48,
     AZIMUTHS = 16,
-    RADIAL_STEPS = 60,
-    PLANE_STEPS = 20,
+    EQUIDISTANT_STEPS = 60,
     GRID_COLUMNS = 16,
     GRID_ROWS = 12
 };
@@ -32,9 +32,8 @@ static const double residual_max = 1e-9; /* of unprojection, on the plane at dis
  * passed. */
 static bool radial_scale(const double *k, double r2, double *scale, double *derivative)
 {
-    double above = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
-    double below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
-    double above_derivative = k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]);
+    double above, above_derivative, below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+    fv_radtan_above(k, r2, &above, &above_derivative);
     double below_derivative = k[5] + r2 * (2 * k[6] + r2 * 3 * k[7]);
     if (!(below > 1e-9)) return false;
     if (below == 1 && below_derivative == 0) { /* as mostly; without the divisions by 1 */
@@ -50,27 +49,26 @@ static bool radial_scale(const double *k, double r2, double *scale, double *deri
 /* Distort a point of the plane at distance 1. */
 static bool radtan_place(const double *k, double x, double y, double out[2])
 {
-    const double r2 = x * x + y * y, below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])), p1 = k[2],
-                 p2 = k[3];
+    const double r2 = x * x + y * y, below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+    double above, unused;
     if (!(below > 1e-9)) return false;
-    const double scale = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / below;
-    out[0] = x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
-    out[1] = y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
+    fv_radtan_above(k, r2, &above, &unused);
+    fv_radtan_place(k, x, y, r2, above / below, &out[0], &out[1]);
     return true;
 }
 
 /* The same, bit for bit, and the 2x2 derivative `j`, row-major, which is half of the work. */
 static bool radtan_distort(const double *k, double x, double y, double out[2], double j[4])
 {
-    double r2 = x * x + y * y, scale, derivative;
+    double r2 = x * x + y * y, scale, derivative, u, v, xx, xy, yy;
     if (!radial_scale(k, r2, &scale, &derivative)) return false;
-    double p1 = k[2], p2 = k[3];
-    out[0] = x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
-    out[1] = y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
-    j[0] = scale + 2 * x * x * derivative + 2 * p1 * y + 6 * p2 * x;
-    j[1] = 2 * x * y * derivative + 2 * p1 * x + 2 * p2 * y;
-    j[2] = j[1];
-    j[3] = scale + 2 * y * y * derivative + 6 * p1 * y + 2 * p2 * x;
+    fv_radtan_place(k, x, y, r2, scale, &u, &v);
+    fv_radtan_slopes(k, x, y, scale, derivative, &xx, &xy, &yy);
+    out[0] = u;
+    out[1] = v;
+    j[0] = xx;
+    j[1] = j[2] = xy;
+    j[3] = yy;
     return true;
 }
 
@@ -128,12 +126,12 @@ static bool plane_inside(const struct fovea_camera *camera, double r2, double sl
  * inside a bracket, whose upper end is the field's edge until one is found. */
 static double radtan_radius(const struct fovea_camera *camera, double distorted)
 {
-    double low = 0, high = -1, scale, derivative;
+    double low = 0, high = -1, scale, derivative, error, slope;
     double r = radius_inside(camera, distorted) ? distorted : radius_max(camera);
-    for (int i = 0; i < RADIAL_STEPS; i++) {
+    for (int i = 0; i < FV_RADTAN_RADIAL_STEPS; i++) {
         if (!radial_scale(camera->k, r * r, &scale, &derivative))
             return high < 0 ? radius_max(camera) : high;
-        double error = r * scale - distorted, slope = scale + 2 * r * r * derivative;
+        fv_radtan_radial_error(r, distorted, scale, derivative, &error, &slope);
         if (error > 0)
             high = r;
         else
@@ -143,7 +141,7 @@ static double radtan_radius(const struct fovea_camera *camera, double distorted)
             next = 0.5 * (low + (high < 0 ? radius_max(camera) : high));
         double step = next - r;
         r = next;
-        if (step < 1e-13 * (1 + r) && step > -1e-13 * (1 + r)) break;
+        if (fv_radtan_radius_found(step, r)) break;
     }
     return r;
 }
@@ -157,13 +155,12 @@ static bool radtan_undistort(const struct fovea_camera *camera, double u, double
     double ratio = distorted > 0 ? radtan_radius(camera, distorted) / distorted : 1;
     double x = u * ratio, y = v * ratio, got[2];
     bool close = false;
-    for (int i = 0; i < PLANE_STEPS; i++) {
+    for (int i = 0; i < FV_RADTAN_PLANE_STEPS; i++) {
         if (!radtan_distort(k, x, y, got, j)) return false;
         double a = u - got[0], b = v - got[1], determinant = j[0] * j[3] - j[1] * j[2];
         close = a * a + b * b <= residual_max * residual_max;
-        if (!(determinant > 0) || a * a + b * b <= 1e-28 * (1 + distorted * distorted)) break;
-        x += (j[3] * a - j[1] * b) / determinant;
-        y += (j[0] * b - j[2] * a) / determinant;
+        if (!(determinant > 0) || fv_radtan_point_found(a * a + b * b, distorted)) break;
+        fv_radtan_move(a, b, j[0], j[1], j[3], determinant, &x, &y);
     }
     out[0] = x;
     out[1] = y;
@@ -257,7 +254,7 @@ static double equidistant_angle(const struct fovea_camera *camera, double distor
     double limit = equidistant_distort(camera->k, high, &slope);
     if (!(distorted <= limit)) return -1;
     double angle = distorted < high ? distorted : high;
-    for (int i = 0; i < RADIAL_STEPS; i++) {
+    for (int i = 0; i < EQUIDISTANT_STEPS; i++) {
         double error = equidistant_distort(camera->k, angle, &slope) - distorted;
         if (error > 0)
             high = angle;
