@@ -13,7 +13,6 @@
 #include <unistd.h>
 
 #include "app/run/health.h"
-#include "app/run/history.h"
 #include "app/run/run.h"
 #include "app/run/self_test.h"
 #include "drivers/clock.h"
@@ -319,67 +318,6 @@ static void wrong_score(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride
         if (scores[i] > 20) scores[i]--;
 }
 
-static void test_history(void **state)
-{
-    (void)state;
-    char path[128], text[256];
-    struct fv_history history, read;
-    struct fovea_error error;
-    snprintf(path, sizeof path, "%s/history", root);
-    assert_int_equal(fv_history_read(path, &history, &error), FOVEA_OK);
-    assert_int_equal(history.starts, 0);
-    history = (struct fv_history){7, 6, 1234567890123, 4, 5, 6, 8};
-    assert_int_equal(fv_history_write(path, &history, &error), FOVEA_OK);
-    assert_int_equal(fv_history_read(path, &read, &error), FOVEA_OK);
-    assert_memory_equal(&history, &read, sizeof read);
-    put("/history", "");
-    assert_int_equal(fv_history_read(path, &read, &error), FOVEA_OK);
-    assert_int_equal(read.starts, 0);
-    put("/history", "junk\n");
-    assert_int_equal(fv_history_read(path, &read, &error), FOVEA_ERROR_INPUT);
-    static const struct {
-        const char *text, *said;
-    } wrong[] = {
-        {"", "history: line 1: found '', expected \"starts: NUMBER\""},
-        {"starts: 1\nends: -1\n", "history: line 2: found 'ends: -1', expected \"ends: NUMBER\""},
-        {"starts: 1\nends: 2\nseconds: 0\nframes: 0\nsource_failures: 0\npose_failures: 0\nhot_seconds: 0\n",
-         "history: line 2: found 2 ends, expected at most the 1 starts"},
-        {"starts: 1\nends: 1\nseconds: 0\nframes: 0\nsource_failures: 0\npose_failures: 0\nhot_seconds: 0",
-         "history: line 7: found more or no end of the line, expected 7 lines"},
-    };
-    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
-        snprintf(text, sizeof text, "%s", wrong[i].text);
-        assert_int_equal(fv_history_parse("history", text, &read, &error), FOVEA_ERROR_INPUT);
-        assert_string_equal(error.text, wrong[i].said);
-    }
-}
-
-static void test_where_history_is_kept(void **state)
-{
-    (void)state;
-    char path[64];
-    static const struct {
-        const char *folder, *asked, *config, *path;
-    } cases[] = {
-        {"/var/lib/fovea", "auto", "/etc/fovea/front.yaml", "/var/lib/fovea/front.health"},
-        {"/var/lib/fovea:/var/lib/more", "auto", "rig.yaml", "/var/lib/fovea/rig.health"},
-        {"/var/lib/fovea", "auto", "front", "/var/lib/fovea/front.health"},
-        {"/var/lib/fovea", "auto", "", ""},
-        {NULL, "auto", "/etc/fovea/front.yaml", ""},
-        {"/var/lib/fovea", "", "/etc/fovea/front.yaml", ""},
-        {"/var/lib/fovea", "kept", "/etc/fovea/front.yaml", "kept"},
-    };
-    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
-        if (cases[i].folder != NULL)
-            setenv("STATE_DIRECTORY", cases[i].folder, 1);
-        else
-            unsetenv("STATE_DIRECTORY");
-        fv_history_path(cases[i].asked, cases[i].config, path, sizeof path);
-        assert_string_equal(path, cases[i].path);
-    }
-    unsetenv("STATE_DIRECTORY");
-}
-
 static void test_self_test(void **state)
 {
     (void)state;
@@ -559,8 +497,6 @@ int main(void)
         cmocka_unit_test(test_heat_takes_work_away),
         cmocka_unit_test(test_parts),
         cmocka_unit_test(test_absent_parts),
-        cmocka_unit_test_setup_teardown(test_history, make_root, remove_root),
-        cmocka_unit_test(test_where_history_is_kept),
         cmocka_unit_test(test_self_test),
     };
     return cmocka_run_group_tests_name("health", tests, NULL, NULL);
