@@ -13,7 +13,7 @@ packages() {
     package) echo build-essential dpkg-dev debhelper fakeroot lintian libcamera-dev libopencv-videoio-dev ;;
     package-root) echo mmdebstrap ;;
     package-service) echo systemd-container ;;
-    package-locale) echo locales ;;
+    package-other) echo locales faketime ;;
     package-root-arm64) echo mmdebstrap arch-test qemu-user-static ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libopencv-contrib-dev libceres-dev python3 python3-venv iproute2 iptables \

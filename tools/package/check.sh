@@ -8,7 +8,7 @@
 #   guest         in the virtual machine of `make hil`, with cameras of the kernel's drivers: notify, LCM both ways, libcamera's process, and what
 #                 the watchdog does about a run that is stopped and a loop that hangs
 #   trixie        built and installed in a bare Debian 13, from a clone of this commit: a run
-#   reproducible  built twice, in folders of different names, one after the other, with another locale, umask and number of cores: the same bytes
+#   reproducible  built twice, in folders of different names, one after the other, with another date, locale, umask and number of cores: the same bytes
 # Usage: tools/package/check.sh PART...     after `make deb`, for arm64 after `make deb ARCH=arm64`
 #   FOVEA_SUITE   the Debian of the roots (default bookworm)
 set -eu
@@ -213,14 +213,18 @@ trixie() {
 
 reproducible() {
     export CCACHE_DISABLE=1
-    # One that sorts and writes numbers otherwise, and is there: of a name that is not, C is used without a word.
-    tools/install.sh package-locale
+    tools/install.sh package-other
+    # Another year, month, day and hour by the clock of all that the second build calls; files keep the times that the kernel gives them.
+    other_date="env NO_FAKE_STAT=1 faketime -f +39917520"
+    # shellcheck disable=SC2086
+    [ $(($($other_date date +%s) - $(date +%s))) -gt 39900000 ] || fail "there is no other date to build at"
+    # A locale that sorts and writes numbers otherwise, and is there: of a name that is not, C is used without a word.
     mkdir "$work/locales"
     localedef -i tr_TR -f UTF-8 "$work/locales/tr_TR.UTF-8"
     [ "$(LOCPATH=$work/locales LC_ALL=tr_TR.UTF-8 locale decimal_point)" = , ] || fail "there is no other locale to build in"
     (umask 022 && export TZ=UTC LC_ALL=C FOVEA_JOBS=1 FOVEA_PLACE="$work/first" FOVEA_PACKAGES="$work/packages-1" && tools/package/build.sh >/dev/null)
     (umask 077 && export TZ=Pacific/Kiritimati LOCPATH="$work/locales" LC_ALL=tr_TR.UTF-8 LANGUAGE=fr FOVEA_JOBS=3 FOVEA_PLACE="$work/second-build-of-another-name" \
-        FOVEA_PACKAGES="$work/packages-2" HOME="$work" && tools/package/build.sh >/dev/null)
+        FOVEA_PACKAGES="$work/packages-2" HOME="$work" && $other_date tools/package/build.sh >/dev/null)
     for deb in "$work"/packages-1/*.deb; do
         cmp "$deb" "$work/packages-2/${deb##*/}" || fail "two builds differ in ${deb##*/}"
     done
