@@ -127,7 +127,7 @@ static void lock_check(struct check *check, bool locked, const char *why)
         line(check, WARNING, "memory lock",
              "%s (permanently: 'USER - memlock unlimited' in /etc/security/limits.conf)", why);
     else
-        line(check, OK, "memory lock", "the block is locked");
+        line(check, OK, "memory lock", "the block and the program are locked");
 }
 
 static void governor_check(struct check *check)
@@ -431,6 +431,7 @@ static enum fovea_status memory_check(struct check *check, struct fovea_error *l
     if (status != FOVEA_OK || check->memory_only) return status;
     status = fv_realtime_map(check->bytes, check->settings.lock_memory, &check->memory,
                              &check->locked, lock);
+    if (status == FOVEA_OK && check->locked) check->locked = fv_realtime_lock_program(lock);
     return status == FOVEA_OK ? status : fovea_error_set(error, status, "%s", lock->text);
 }
 

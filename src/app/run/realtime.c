@@ -1,6 +1,7 @@
 #include "app/run/realtime.h"
 
 #include <errno.h>
+#include <link.h>
 #include <sched.h>
 #include <semaphore.h>
 #include <signal.h>
@@ -11,6 +12,16 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+static void say_unlocked(struct fovea_error *why, const char *what, int failure, size_t bytes,
+                         const char *needed)
+{
+    struct rlimit limit = {0};
+    getrlimit(RLIMIT_MEMLOCK, &limit);
+    fovea_error_set(
+        why, FOVEA_OK, "%s not locked: %s; the limit is %llu KiB (ulimit -l), %zu are %s", what,
+        strerror(failure), (unsigned long long)limit.rlim_cur / 1024, bytes / 1024 + 1, needed);
+}
+
 enum fovea_status fv_realtime_map(size_t bytes, bool lock, void **memory, bool *locked,
                                   struct fovea_error *why)
 {
@@ -19,14 +30,7 @@ enum fovea_status fv_realtime_map(size_t bytes, bool lock, void **memory, bool *
         return fovea_error_set(why, FOVEA_ERROR_SYSTEM, "no %zu bytes of memory: %s", bytes,
                                strerror(errno));
     *locked = lock && mlock(mapped, bytes) == 0;
-    if (lock && !*locked) {
-        struct rlimit limit = {0};
-        getrlimit(RLIMIT_MEMLOCK, &limit);
-        fovea_error_set(
-            why, FOVEA_OK,
-            "memory is not locked: %s; the limit is %llu KiB (ulimit -l), %zu are needed",
-            strerror(errno), (unsigned long long)limit.rlim_cur / 1024, bytes / 1024 + 1);
-    }
+    if (lock && !*locked) say_unlocked(why, "memory is", errno, bytes, "needed");
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
     for (size_t at = 0; at < bytes; at += page)
         ((volatile char *)mapped)[at] = 0;
@@ -46,6 +50,49 @@ void fv_realtime_release(void *memory, size_t bytes, size_t tail)
     if (from >= bytes) return;
     munlock((uint8_t *)memory + from, bytes - from);
     madvise((uint8_t *)memory + from, bytes - from, MADV_DONTNEED);
+}
+
+/* ---- the program's own pages ----------------------------------------------------------------- */
+
+struct lock {
+    size_t bytes; /* of all parts */
+    int failure;  /* the first one, an errno value */
+};
+
+/* From its first use on; before Linux 4.4, and under qemu, all of it at once. */
+static int lock_part(void *from, size_t bytes)
+{
+    if (mlock2(from, bytes, MLOCK_ONFAULT) == 0) return 0;
+    if (errno != ENOSYS && errno != EINVAL) return errno;
+    return mlock(from, bytes) == 0 ? 0 : errno;
+}
+
+/* The program, or one of its libraries. */
+static int lock_object(struct dl_phdr_info *object, size_t size, void *context)
+{
+    struct lock *lock = context;
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+    (void)size;
+    for (int i = 0; i < object->dlpi_phnum; i++) {
+        const ElfW(Phdr) *part = &object->dlpi_phdr[i];
+        const uintptr_t at = object->dlpi_addr + part->p_vaddr, from = at / page * page;
+        if (part->p_type != PT_LOAD) continue;
+        const size_t bytes = at + part->p_memsz - from;
+        lock->bytes += bytes;
+        if (lock->failure == 0) lock->failure = lock_part((void *)from, bytes);
+    }
+    return 0;
+}
+
+bool fv_realtime_lock_program(struct fovea_error *why)
+{
+    struct lock lock = {0, 0};
+#ifndef FOVEA_SANITIZED /* sanitizers have mlock do nothing, and make programs large */
+    dl_iterate_phdr(lock_object, &lock);
+#endif
+    if (lock.failure == 0) return true;
+    say_unlocked(why, "the program is", lock.failure, lock.bytes, "needed beside the block");
+    return false;
 }
 
 /* ---- the thread that the process came with --------------------------------------------------- */

@@ -21,6 +21,12 @@ void fv_realtime_unmap(void *memory, size_t bytes);
  */
 void fv_realtime_release(void *memory, size_t bytes, size_t tail);
 
+/* Lock what the process has of the files of its program and its libraries, code and data: where
+ * memory is scarce the kernel takes back what was not used just now, also where nothing is swapped,
+ * and the loop would wait for the disk. A page is locked from its first use on; what is never used
+ * is not read for it, though it counts against the limit. False: `why` says what is missing. */
+bool fv_realtime_lock_program(struct fovea_error *why);
+
 struct fv_realtime_rights {
     bool fifo;  /* runs under SCHED_FIFO; a lent one under SCHED_RR, where it came so */
     bool bound; /* runs on the processor that was asked for */

@@ -527,7 +527,10 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
             loop->ops->info(loop->source)->live ? fv_setup_frame_bytes(&run->setup) : 0,
             run->settings.model[0] != '\0');
     fv_watch_open(&run->watch, run->settings.runtime.odometry.enabled, loop->real_time);
-    fv_process_drop_code();
+    fv_process_drop_code(); /* and what is used of it from here on stays */
+    if (run->settings.lock_memory && run->unlocked.text[0] == '\0' &&
+        !fv_realtime_lock_program(&run->unlocked))
+        fv_say("fovea run: %s", run->unlocked.text);
     atomic_store(&run->shared.temperature_c, NAN);
     sem_init(&run->ended, 0, 0);
 

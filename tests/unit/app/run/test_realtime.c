@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -136,6 +137,60 @@ static void test_an_ordinary_process_is_as_before(void **state)
     assert_int_equal(started(SCHED_OTHER, false, threads, 0, NULL), ENDED);
 }
 
+/* In a process of its own: 0 when all pages of files that it has are locked, where it may lock so
+ * much; NO_RIGHT where it may not lock that, and the line says so. */
+static int lock_program(bool may)
+{
+    const struct rlimit small = {64 << 10, 64 << 10};
+    char line[512];
+    struct fovea_error why;
+    bool file = false;
+    int parts = 0, unlocked = 0;
+    if (!may && (setrlimit(RLIMIT_MEMLOCK, &small) != 0 || setuid(65534) != 0)) return WRONG;
+    if (!fv_realtime_lock_program(&why)) {
+        const char *needed = strstr(why.text, " KiB (ulimit -l), ");
+        const bool said = strstr(why.text, "the program is not locked: ") == why.text &&
+                          needed != NULL && strstr(needed, " are needed beside the block") != NULL;
+        return said && strtoull(needed + 18, NULL, 10) > 1024 ? NO_RIGHT : WRONG;
+    }
+    FILE *maps = fopen("/proc/self/smaps", "re");
+    while (maps != NULL && fgets(line, sizeof line, maps) != NULL) {
+        if (line[0] < 'A' || line[0] > 'Z') file = strstr(line, " /") != NULL; /* an address */
+        if (!file || strncmp(line, "VmFlags:", 8) != 0) continue;
+        parts++;
+        unlocked += strstr(line, " lo") == NULL;
+    }
+    if (maps != NULL) fclose(maps);
+    return parts > 8 && unlocked == 0 ? ENDED : WRONG;
+}
+
+static int locked_in_child(bool may)
+{
+    int status;
+    const pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) _exit(lock_program(may));
+    assert_int_equal(waitpid(child, &status, 0), child);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status);
+}
+
+/* Code and data of the program and its libraries stay, where that is permitted. */
+static void test_the_program_is_locked(void **state)
+{
+    (void)state;
+#ifdef FOVEA_SANITIZED
+    puts("test_realtime: SKIPPED: sanitizers have nothing locked");
+#else
+    if (getenv("FOVEA_EMULATED") != NULL) return; /* its maps are the emulator's */
+    const int end = locked_in_child(true);
+    if (end == NO_RIGHT)
+        puts("test_realtime: SKIPPED: no right to lock the program");
+    else
+        assert_int_equal(end, ENDED);
+    if (getuid() == 0) assert_int_equal(locked_in_child(false), NO_RIGHT);
+#endif
+}
+
 /* At blanks, in place; ended by NULL. */
 static int split(char *line, char **words)
 {
@@ -169,6 +224,7 @@ int main(void)
         cmocka_unit_test(test_started_by_chrt_the_loop_alone_is_real_time),
         cmocka_unit_test(test_an_ordinary_process_is_as_before),
         cmocka_unit_test(test_the_whole_run_asks_for_nothing),
+        cmocka_unit_test(test_the_program_is_locked),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
