@@ -48,6 +48,8 @@ configure front 'source: v4l2:/dev/video0?width=320&height=180' 'camera_fov: 60'
 systemctl start fovea@front || fail "it does not start"
 [ "$(shows ActiveState)" = active ] || fail "it does not say that it runs"
 until_true 120 'fovea top --once --json 2>/dev/null | grep -q FOVEA' || fail "its messages do not come"
+locked=$(sed -n 's/^VmLck:[[:space:]]*\([0-9]*\) kB$/\1/p' "/proc/$(shows MainPID)/status")
+[ "${locked:-0}" -gt 18000 ] || fail "found ${locked:-no} kB of locked memory, expected the block and the program"
 ./command --wait 60 save >said || fail "it does not answer: $(cat said)"
 [ -s /var/lib/fovea/hall.map ] || fail "it saved no map"
 echo "vivid: $(cat said)"
