@@ -87,9 +87,12 @@ static int lock_object(struct dl_phdr_info *object, size_t size, void *context)
 bool fv_realtime_lock_program(struct fovea_error *why)
 {
     struct lock lock = {0, 0};
-#ifndef FOVEA_SANITIZED /* sanitizers have mlock do nothing, and make programs large */
-    dl_iterate_phdr(lock_object, &lock);
+#ifdef FOVEA_SANITIZED
+    const bool able = false; /* sanitizers have mlock do nothing, and make programs large */
+#else
+    const bool able = true;
 #endif
+    if (able) dl_iterate_phdr(lock_object, &lock);
     if (lock.failure == 0) return true;
     say_unlocked(why, "the program is", lock.failure, lock.bytes, "needed beside the block");
     return false;
