@@ -275,12 +275,12 @@ void fv_pose_part_add(struct fv_pose_part *part, double weight, double error, co
 }
 
 bool fv_pose_jackknife(const struct fv_pose_fit *fit, const struct fv_pose_part *parts,
-                       uint32_t count, double covariance[21], double *variance)
+                       uint32_t count, struct fv_pose_shown *shown)
 {
-    *variance = 0;
-    memset(covariance, 0, 21 * sizeof *covariance);
+    double squares = 0;
+    memset(shown, 0, sizeof *shown);
     for (uint32_t p = 0; p < count; p++) {
-        double rest[36], moved[6];
+        double rest[36], moved[6], share = 0;
         for (int k = 0; k < 36; k++)
             rest[k] = fit->information[k] - parts[p].information[k];
         memcpy(moved, parts[p].pull, sizeof moved);
@@ -288,10 +288,36 @@ bool fv_pose_jackknife(const struct fv_pose_fit *fit, const struct fv_pose_part 
         for (int row = 0, k = 0; row < 6; row++)
             for (int column = row; column < 6; column++, k++) {
                 const double product = moved[row] * moved[column];
-                covariance[k] += product;
-                *variance +=
-                    (column == row ? 1 : 2) * product * fit->information[6 * row + column] / 6;
+                shown->covariance[k] += product;
+                share += (column == row ? 1 : 2) * product * fit->information[6 * row + column] / 6;
             }
+        shown->variance += share;
+        squares += share * share;
+    }
+    shown->counted = squares > 0 ? shown->variance * shown->variance / squares : 0;
+    return true;
+}
+
+bool fv_pose_add_alone(const struct fv_pose_fit *fit, double variance, double covariance[21])
+{
+    double A[36];
+    memcpy(A, fit->information, sizeof A);
+    if (!fv_ldlt_factor(A, 6)) return false;
+    for (int row = 0, k = 0; row < 6; row++) {
+        double solved[6] = {0};
+        solved[row] = variance;
+        fv_ldlt_back(A, 6, solved);
+        for (int column = row; column < 6; column++, k++)
+            covariance[k] += solved[column];
     }
     return true;
+}
+
+void fv_pose_spread(const struct fv_pose_fit *fit, double variance, struct fv_pose_shown *shown)
+{
+    enum { DIRECTIONS = 6 };
+    const double beyond = shown->variance - variance;
+    if (beyond > 0)
+        (void)fv_pose_add_alone(fit, DIRECTIONS / (shown->counted + DIRECTIONS) * beyond,
+                                shown->covariance);
 }

@@ -82,14 +82,30 @@ struct fv_pose_part {
 /* An error of a part and its derivative by the pose. */
 void fv_pose_part_add(struct fv_pose_part *part, double weight, double error, const double row[6]);
 
-/* Covariance of a fit as its parts show it, which needs no errors that are independent within one:
- * the sum of the squares of what the pose would move by, were each part left out (R. Bell and D.
+/* What the parts of a fit show of its errors, which need not be independent within one. */
+struct fv_pose_shown {
+    double covariance[21]; /* of the pose: upper triangle by rows */
+    /* the mean square of that in sigmas of an error of variance 1: the variance of the errors,
+     * where these are independent */
+    double variance;
+    double counted; /* parts that it comes from, as many as if all that count counted alike */
+};
+
+/* The sum of the squares of what the pose would move by, were each part left out (R. Bell and D.
  * McCaffrey, "Bias reduction in standard errors for linear regression with multi-stage samples",
- * Survey Methodology 28, 2002). Upper triangle by rows. `variance`: its mean square in sigmas of an
- * error of variance 1, which is the variance of the errors where these are independent. False:
- * without one of the parts the pose would not be determined. */
+ * Survey Methodology 28, 2002). `counted` is (sum of shares)^2 / sum of (shares^2), of each part's
+ * share in the variance. False: without one of the parts the pose would not be determined. */
 bool fv_pose_jackknife(const struct fv_pose_fit *fit, const struct fv_pose_part *parts,
-                       uint32_t count, double covariance[21], double *variance);
+                       uint32_t count, struct fv_pose_shown *shown);
+/* Add what few parts leave open. What they show beyond errors of `variance` they show in the
+ * directions that they happen to pull in; it is spread over all six as if that many more parts had
+ * shown it evenly, in the metric of the fit: the prior of a covariance that is estimated from few
+ * samples (O. Ledoit and M. Wolf, "A well-conditioned estimator for large-dimensional covariance
+ * matrices", 2004). Nothing is taken from the directions that they pull in. */
+void fv_pose_spread(const struct fv_pose_fit *fit, double variance, struct fv_pose_shown *shown);
+/* Add to a covariance (upper triangle by rows) that of the fit alone, by errors of `variance`.
+ * False, and nothing is added: the pose is not determined. */
+bool fv_pose_add_alone(const struct fv_pose_fit *fit, double variance, double covariance[21]);
 
 /* Go on from fv_pose_refine's pose and fit, with the limit that the noise found allows: 9.21
  * (chi-square, 99 %, 2 dof) times its variance, and never more than before. Where matches are good

@@ -37,6 +37,7 @@ static const double focal_fade = 0.9;                    /* of the mean, per fra
 static const double focal_shown =
     0.25; /* least of a change that the inliers of a fit without it show */
 static const double bend_max = 0.1, bend_fraction = 0.17;
+static const double open_max = 0.01; /* rad, and of the depth; good pictures leave .001 open */
 static const double doubt_fraction =
     0.05; /* of the way, where the pictures do not bear the map out */
 
@@ -379,17 +380,12 @@ static bool solve_joint(struct fv_odometry *o, const struct fv_map_frame *frame,
     return true;
 }
 
-/* From the frame's own information alone, the map held. */
-static void solve_alone(const struct fv_pose_fit *fit, double variance, double covariance[21])
+/* Whether a pose is known well enough to be relied on. */
+static bool well_known(const double covariance[21], double depth)
 {
-    for (int row = 0, k = 0; row < 6; row++) {
-        double A[36], solved[6] = {0};
-        solved[row] = variance;
-        memcpy(A, fit->information, sizeof A);
-        if (!fv_ldlt_solve(A, 6, solved)) memset(solved, 0, sizeof solved);
-        for (int column = row; column < 6; column++, k++)
-            covariance[k] = solved[column];
-    }
+    const double place2 = covariance[0] + covariance[6] + covariance[11],
+                 turn2 = covariance[15] + covariance[18] + covariance[20];
+    return place2 <= open_max * open_max * depth * depth && turn2 <= open_max * open_max;
 }
 
 /* The reference keyframe seen from the frame. */
@@ -492,31 +488,34 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
                          const struct fv_pose_fit *fit)
 {
     const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
-    double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit), parts[21],
-           parts_variance;
+    double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit);
     if (variance < FV_MAP_VARIANCE_MIN) variance = FV_MAP_VARIANCE_MIN;
     struct fv_pose_part part[FV_MAP_PARTS];
+    struct fv_pose_shown parts;
     collect_parts(&o->map, frame, part);
-    const bool spread = fv_pose_jackknife(fit, part, FV_MAP_PARTS, parts, &parts_variance);
+    const bool spread = fv_pose_jackknife(fit, part, FV_MAP_PARTS, &parts);
     const double bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));
-    bool reliable = spread && (parts_variance < together_max * variance ||
+    bool reliable = spread && (parts.variance < together_max * variance ||
                                fv_agreement_settled(&o->state->agreement));
+    fv_pose_spread(fit, together_max * variance, &parts);
     if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
-        solve_alone(fit, variance, covariance);
+        memset(covariance, 0, sizeof o->state->pose.covariance);
+        (void)fv_pose_add_alone(fit, variance, covariance);
         reliable = false;
     }
     struct fv_se3 T_frame_ref;
     reference_from(reference, frame, &T_frame_ref);
-    memcpy(o->state->parts, parts, sizeof parts);
-    larger_parts(o, &T_frame_ref, parts);
+    memcpy(o->state->parts, parts.covariance, sizeof o->state->parts);
+    larger_parts(o, &T_frame_ref, parts.covariance);
     for (int k = 0; k < 21; k++)
-        covariance[k] = own_fraction * covariance[k] + parts[k];
+        covariance[k] = own_fraction * covariance[k] + parts.covariance[k];
+    const double depth = reference->depth > 0 ? reference->depth : 1;
+    if (!well_known(covariance, depth)) reliable = false;
     if (other_focal(o, variance, covariance)) reliable = false;
     add_reference_lens(o, &T_frame_ref, covariance);
     const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
     const double open = bend_fraction * bend + (doubt ? doubt_fraction : 0),
-                 drift = open * fv_norm3(T_frame_ref.t),
-                 turn = drift / (reference->depth > 0 ? reference->depth : 1);
+                 drift = open * fv_norm3(T_frame_ref.t), turn = drift / depth;
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift * drift : turn * turn;
     const bool young = o->map.state->keyframe_number - o->state->first_keyframe < YOUNG_KEYFRAMES;

@@ -14,8 +14,10 @@
  * landmarks were created a frame ago, pulls with all of them, and where they have most of the
  * leverage the pose follows. So the covariance that the parts of the image (6 x 4) show is added:
  * the pose moves by something when a part is left out, and what is moved where one part has most of
- * the leverage is much (fv_pose_jackknife). Errors of single landmarks are taken to have the
- * variance that the frame's inliers show a posteriori.
+ * the leverage is much (fv_pose_jackknife). Where few parts are left, as behind something that
+ * hides the others, they do not show every direction, and what they show beyond three times the
+ * errors' variance, which chance does not, is spread over all (fv_pose_spread). Errors of single
+ * landmarks are taken to have the variance that the frame's inliers show a posteriori.
  *
  * A keyframe may have been noisier than the frame: the sensor had more gain, or the link failed
  * for some pictures. Its errors of the sample show its own variance; where that is larger than the
@@ -45,8 +47,10 @@
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
  * that bend is 10 % or more; where the parts' variance is three times that of the errors or more,
  * unless five keyframes or more agree with the map (agreement.h): then what pulls is a thing that
- * moves or a lens, and is counted above; where the focal length is another by more than 1 %; and
- * where the pose hangs on one part alone. */
+ * moves or a lens, and is counted above; where the focal length is another by more than 1 %; where
+ * the pose hangs on one part alone; and where, the lens aside, it is not known to 10 mrad and to
+ * 1 % of the depth: good pictures leave a tenth of that open, and what leaves so much open has
+ * seldom shown it all. */
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H
 

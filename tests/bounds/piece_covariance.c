@@ -13,6 +13,7 @@ struct covarying {
     struct fv_pose_fit fit;
     struct fv_pose_part parts[FV_MAP_PARTS];
     double covariance[21], variance;
+    struct fv_pose_shown shown;
 };
 
 static void collect(void *context)
@@ -31,7 +32,8 @@ static void joint(void *context)
 static void jackknife(void *context)
 {
     struct covarying *c = context;
-    MUST(fv_pose_jackknife(&c->fit, c->parts, FV_MAP_PARTS, c->covariance, &c->variance));
+    MUST(fv_pose_jackknife(&c->fit, c->parts, FV_MAP_PARTS, &c->shown));
+    fv_pose_spread(&c->fit, 0, &c->shown);
 }
 
 static void lens_current(void *context)

@@ -199,7 +199,8 @@ static void parts_are_left_out(void **)
 {
     enum { PARTS = 5, PER_PART = 12, ROWS = PARTS * PER_PART };
     static double rows[ROWS][6], values[ROWS];
-    double x[6], expected[36] = {0}, covariance[21], variance, square = 0;
+    double x[6], expected[36] = {0}, square = 0, shares = 0;
+    fv_pose_shown shown;
     fv_random random;
     fv_pose_fit fit = {};
     fv_pose_part parts[PARTS] = {};
@@ -220,17 +221,23 @@ static void parts_are_left_out(void **)
     for (int p = 0; p < PARTS; p++) {
         double without[6], A[36];
         fit_rows(rows, values, ROWS, PER_PART, p, without, A);
+        double share = 0;
         for (int r = 0; r < 6; r++)
-            for (int c = 0; c < 6; c++)
-                expected[6 * r + c] += (without[r] - x[r]) * (without[c] - x[c]);
+            for (int c = 0; c < 6; c++) {
+                const double product = (without[r] - x[r]) * (without[c] - x[c]);
+                expected[6 * r + c] += product;
+                share += product * fit.information[6 * r + c];
+            }
+        shares += share * share;
     }
-    assert_true(fv_pose_jackknife(&fit, parts, PARTS, covariance, &variance));
+    assert_true(fv_pose_jackknife(&fit, parts, PARTS, &shown));
     for (int r = 0, k = 0; r < 6; r++)
         for (int c = 0; c < 6; c++) {
             square += expected[6 * r + c] * fit.information[6 * r + c];
-            if (c >= r) assert_true(fabs(covariance[k++] - expected[6 * r + c]) < 1e-9);
+            if (c >= r) assert_true(fabs(shown.covariance[k++] - expected[6 * r + c]) < 1e-9);
         }
-    assert_true(fabs(variance - square / 6) < 1e-9 * square);
+    assert_true(fabs(shown.variance - square / 6) < 1e-9 * square);
+    assert_true(fabs(shown.counted - square * square / shares) < 1e-9 * PARTS);
     memset(parts, 0, sizeof parts);
     memset(&fit, 0, sizeof fit);
     for (int n = 0; n < ROWS; n++) {
@@ -240,7 +247,43 @@ static void parts_are_left_out(void **)
     for (const fv_pose_part &part : parts)
         for (int k = 0; k < 36; k++)
             fit.information[k] += part.information[k];
-    assert_false(fv_pose_jackknife(&fit, parts, PARTS, covariance, &variance));
+    assert_false(fv_pose_jackknife(&fit, parts, PARTS, &shown));
+}
+
+/* A part that pulls in one direction alone counts as one, and what it shows beyond independent
+ * errors is spread over the others, each by 6 of 7 of its mean; what is not beyond is not. */
+static void what_few_parts_show_is_spread(void **)
+{
+    enum { PARTS = 8 };
+    const double pulled = 3, pull[6] = {0, 0, pulled, 0, 0, 0};
+    fv_pose_fit fit = {};
+    fv_pose_part parts[PARTS] = {};
+    fv_pose_shown shown;
+    for (int p = 0; p < PARTS; p++)
+        for (int k = 0; k < 6; k++) {
+            parts[p].information[7 * k] = k + 1;
+            fit.information[7 * k] += k + 1;
+        }
+    memcpy(parts[5].pull, pull, sizeof pull);
+    assert_true(fv_pose_jackknife(&fit, parts, PARTS, &shown));
+    const double moved = pulled / (3 * (PARTS - 1)), mean = moved * moved * 3 * PARTS / 6;
+    assert_true(fabs(shown.variance - mean) < 1e-12 && fabs(shown.counted - 1) < 1e-12);
+    for (double variance : {mean / 4, mean}) {
+        fv_pose_shown spread = shown;
+        fv_pose_spread(&fit, variance, &spread);
+        for (int row = 0, k = 0; row < 6; row++)
+            for (int column = row; column < 6; column++, k++) {
+                const double open =
+                    column > row ? 0 : 6. / 7 * (mean - variance) / ((row + 1) * PARTS);
+                assert_true(fabs(spread.covariance[k] - shown.covariance[k] - open) < 1e-12);
+            }
+    }
+    parts[5].pull[2] = 0; /* nothing pulls */
+    assert_true(fv_pose_jackknife(&fit, parts, PARTS, &shown));
+    assert_true(shown.variance == 0 && shown.counted == 0);
+    fv_pose_spread(&fit, 0, &shown);
+    for (double value : shown.covariance)
+        assert_true(value == 0);
 }
 
 static void faster_than_opencv(void **)
@@ -323,6 +366,7 @@ int main(void)
         cmocka_unit_test(sampling_and_refinement_find_the_pose),
         cmocka_unit_test(information_is_consistent),
         cmocka_unit_test(parts_are_left_out),
+        cmocka_unit_test(what_few_parts_show_is_spread),
         cmocka_unit_test(faster_than_opencv),
         cmocka_unit_test(triangulation_is_exact_and_splits_errors),
     };
