@@ -34,6 +34,7 @@ static const double focal_sigmas = 4, focal_max = 0.01; /* in good runs it stays
 static const double focal_hint = 3, focal_hint_mean = 5; /* sigmas of one frame, of the mean: frames
                                                             share the errors of their map */
 static const double focal_fade = 0.9;                    /* of the mean, per frame */
+static const double focal_held_fade = 0.99;              /* of what was clear, per frame */
 static const double focal_shown =
     0.25; /* least of a change that the inliers of a fit without it show */
 static const double bend_max = 0.1, bend_fraction = 0.17;
@@ -449,7 +450,10 @@ static bool other_focal(const struct fv_odometry *o, double variance, double cov
         }
     const double own = __builtin_fabs(lens.change);
     const bool is_clear = own > focal_sigmas * sigma;
+    s->focal_held *= focal_held_fade;
+    if (is_clear && own > s->focal_held) s->focal_held = own;
     s->focal = is_clear ? own : counted;
+    if (s->focal_held > s->focal) s->focal = s->focal_held;
     return is_clear && own > focal_max;
 }
 

@@ -40,8 +40,10 @@
  * without it show a part of it alone. A small change is seen in the mean of several frames, which
  * counts from five of its sigmas on. What was added of the reference keyframe, when it was the
  * current frame, is added of all frames that refer to it; and since turns are measured by the focal
- * length, that change times the turn since. On good runs the focal length is another
- * by .05 to .2 %, in the handheld recording, whose calibration is a guess, by .4 %. (The watch asks
+ * length, that change times the turn since. A map that is made anew by the other lens no longer
+ * shows it and takes turns by it: what was clear is held for them, and halves in 70 frames. On good
+ * runs the focal length is another by .05 to .2 %, in the handheld recording, whose calibration is
+ * a guess, by .4 %. (The watch asks
  * over many frames, to find a calibration that is wrong for good.)
  *
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
@@ -69,6 +71,7 @@ struct fv_covariance_state {
     double change_sum, change_weight; /* of focal lengths, by 1 / sigma^2, faded */
     double lens[21];                  /* what another focal length added to the last frame's, */
     double focal;                     /* and that change, by the pictures; 0: none */
+    double focal_held;                /* the largest that was clear in one picture, fading */
 };
 
 struct fv_covariance {

@@ -273,6 +273,30 @@ static void a_small_change_is_seen_in_several_frames(void **state)
     assert_in_range(after, 1, 10);
 }
 
+/* A clear change is held for turns while pictures no longer show it, as when the map is made anew
+ * by that lens, and halves in 70 of them. One that is not clear is not held. */
+static void a_clear_change_is_held(void **state)
+{
+    struct fv_covariance_state *s = &seen.o->state->covariance;
+    struct fv_lens_frame lens;
+    struct fv_pose_fit fit;
+    double sigma;
+    (void)state;
+    (void)write_zoomed(0.003, &lens, &sigma);
+    assert_true(lens.change < 4 * sigma && s->focal_held == 0);
+    (void)write_zoomed(0.015, &lens, &sigma);
+    assert_true(lens.change > 4 * sigma && s->focal == fabs(lens.change));
+    for (int k = 1; k <= 70; k++) {
+        fv_covariance_begin(s);
+        (void)fv_covariance_write(seen.o, &seen.frame, (zoom(0, &fit), &fit));
+        assert_true(fabs(s->focal / (fabs(lens.change) * pow(0.99, k)) - 1) < 1e-9);
+    }
+    assert_true(s->focal < 0.5 * fabs(lens.change) && s->lens[0] == 0);
+    zoom(0.012, &fit); /* the other one is clear again, and larger than what is left */
+    (void)fv_covariance_write(seen.o, &seen.frame, &fit);
+    assert_true(s->focal_held == s->focal && s->focal > 0.6 * fabs(lens.change));
+}
+
 /* What was added of a keyframe is added to the frames that refer to it. */
 static void the_reference_keeps_what_its_focal_length_added(void **state)
 {
@@ -374,6 +398,7 @@ int main(void)
         cmocka_unit_test(what_little_holds_is_not_relied_on),
         cmocka_unit_test(another_focal_length_is_admitted),
         cmocka_unit_test(a_small_change_is_seen_in_several_frames),
+        cmocka_unit_test(a_clear_change_is_held),
         cmocka_unit_test(the_reference_keeps_what_its_focal_length_added),
         cmocka_unit_test(the_turn_since_such_a_reference_is_in_doubt),
         cmocka_unit_test(a_new_reference_takes_what_was_added),
