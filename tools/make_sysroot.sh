@@ -13,7 +13,8 @@ whole) packages="libc6-dev $(sed -n '/^Build-Depends:/,/^[^ ]/s/^ \(lib[^ ,]*-de
 *) echo "tools/make_sysroot.sh: found '$2', expected whole or nothing" >&2 && exit 2 ;;
 esac
 stamp=$dir/.packages
-[ -f "$stamp" ] && [ "$(cat "$stamp")" = "$packages" ] && exit 0
+made="$packages, links within"
+[ -f "$stamp" ] && [ "$(cat "$stamp")" = "$made" ] && exit 0
 
 rm -rf "$dir"
 mkdir -p "$dir/apt/lists/partial" "$dir/apt/archives/partial"
@@ -49,5 +50,10 @@ else
     # These two are chosen by the scripts of packages, none of which ran.
     for library in blas lapack; do ln -sf $library/lib$library.so.3 "$dir/usr/lib/aarch64-linux-gnu/lib$library.so.3"; done
 fi
+# Links from the root would lead out of the folder: a linker that finds no libz.so takes libz.a.
+find "$dir" -type l -lname '/*' | while read -r link; do
+    target=$dir$(readlink "$link")
+    [ ! -e "$target" ] || ln -sfnr "$target" "$link"
+done
 rm -rf "$dir/apt" "$dir/control"
-echo "$packages" >"$dir/.packages"
+echo "$made" >"$dir/.packages"
