@@ -14,7 +14,7 @@ packages() {
     package-root) echo mmdebstrap ;;
     package-service) echo systemd-container ;;
     package-other) echo locales faketime ;;
-    package-root-arm64) echo mmdebstrap arch-test qemu-user-static ;;
+    package-root-arm64) echo mmdebstrap arch-test qemu-user-static binfmt-support ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libopencv-contrib-dev libceres-dev python3 python3-venv iproute2 iptables \
                 libwebsockets-dev libjansson-dev libjs-three libjs-chart.js openssl chromium chromium-driver ;;
