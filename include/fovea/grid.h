@@ -101,7 +101,7 @@ struct fovea_grid_config {
     double robot_radius_m; /* [0, 10], default 0.2 */
     double half_life_s;    /* [0.1, 10000], default 60: log-odds of a cell halve in this time */
     double movable_half_life_s; /* [0.1, 10000], default 2: where something movable was seen */
-    /* [0, 1], default 0.98: floor of which the network is less sure, where it says how sure it is,
+    /* [0, 1], default 0.9: floor of which the network is less sure, where it says how sure it is,
      * is no evidence; what lies behind it may be */
     double floor_confidence;
     bool heights;         /* default false: keep fovea_grid_heights */

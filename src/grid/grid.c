@@ -16,7 +16,7 @@ void fovea_grid_config_default(struct fovea_grid_config *config)
                                          .robot_radius_m = 0.2,
                                          .half_life_s = 60,
                                          .movable_half_life_s = 2,
-                                         .floor_confidence = 0.98,
+                                         .floor_confidence = 0.9,
                                          .heights_max_m = 1.5};
 }
 

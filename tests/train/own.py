@@ -251,11 +251,31 @@ def label_files():
         holds("a picture without labels", "masks/a.png: not there; expected the labels of " in refused(read), refused(read))
 
 
+def evened():
+    """What is far away counts by the few cells that it shows."""
+    try:
+        import segmenter
+    except ImportError:
+        print("left out: TensorFlow is not there")
+        return
+    shown = [600, 150, 2400, 10, 9000, 0]
+    here = np.stack([(np.arange(120 * 160) < n).reshape(120, 160, 1) for n in shown]).astype(np.float32)
+    found = np.asarray(segmenter.even_out(here)).ravel()
+    holds("the fewer cells of a pit a picture shows, the more each counts", np.allclose(found, [1, 2, 0.5, 3, 0.5, 3]), found)
+    output = np.tile(np.array([4, -4], np.float32), (1, 120, 160, 1))  # class 0 everywhere
+    for label in (1, 2):  # both of class 1; the second is evened out
+        labels = np.zeros((1, 120, 160), np.uint8)
+        labels[0, :10, :15] = label
+        plain, even = (float(segmenter.loss_of([1, 1, 1], np.array([0, 1, 1]), e)(labels, output)) for e in (None, 2))
+        holds(f"label {label} is {'' if label == 2 else 'not '}evened out", (even > 1.1 * plain) == (label == 2) and (label == 2 or even == plain), (plain, even))
+
+
 def main():
     splits()
     figures()
     samples()
     overlaps()
+    evened()
     known_classes()
     labelled_pictures()
     label_files()

@@ -49,13 +49,13 @@ def whole(scenes, count, seed):
     return [pixels.place(rng, *scenes[i], fixed=True) for i in rng.permutation(len(scenes))[:count]]
 
 
-def task_of(scenes, classes, movable=None, of=None, times=None):
-    """Where labels are finer than classes `of` is the class of each, `times` how often a pixel of it counts as much as its class does."""
+def task_of(scenes, classes, movable=None, of=None, times=None, even=None):
+    """Where labels are finer than classes `of` is the class of each, `times` how often a pixel of it counts as much as its class does; `even`: of segmenter.loss_of."""
     def targets(labels, count):
         return pixels.cells(labels, count)
     of = np.arange(classes) if of is None else of
     weights = pixels.class_weights(scenes, of) * (1.0 if times is None else times)
-    return fit.Task(pixels.sampler(movable), pixels.equally, targets, segmenter.loss_of(weights, of))
+    return fit.Task(pixels.sampler(movable), pixels.equally, targets, segmenter.loss_of(weights, of, even))
 
 
 def finish(trained, scenes, samples, names, colours, output, task, photographs=None):
@@ -104,7 +104,7 @@ def train_shipped(arguments):
     print(f"{len(photos)} photographs, {len(scenes)} scenes, {len(held_out)} held out; of all pixels {shares}", flush=True)
     model = segmenter.build(len(CLASSES))
     weights_module.load(model, arguments.weights if arguments.resume and os.path.exists(arguments.weights) else weights_module.SHIPPED)
-    task = task_of(scenes, len(CLASSES), MOVABLE, OF_LABELS, np.where(np.arange(len(OF_LABELS)) == PIT, PIT_WEIGHT, 1.0))
+    task = task_of(scenes, len(CLASSES), MOVABLE, OF_LABELS, np.where(np.arange(len(OF_LABELS)) == PIT, PIT_WEIGHT, 1.0), PIT)
 
     def keep(step):
         weights_module.save(model, arguments.weights)
@@ -115,9 +115,10 @@ def train_shipped(arguments):
     begun, begun_with = time.monotonic(), [np.array(w) for w in model.get_weights()]
     made = fit.fit(model, scenes, photographs, len(OF_LABELS), arguments.steps, batch=arguments.batch, rate=arguments.rate, seed=arguments.seed, minutes=arguments.minutes,
                    report=lambda line: print(line, flush=True), keep=keep, task=task)
+    weights_module.keep(model, arguments.weights)
     if arguments.part < 1:
         fit.go_back(model, begun_with, arguments.part, scenes, photographs, len(OF_LABELS), task)
-    weights_module.save(model, arguments.weights)
+        weights_module.keep(model, arguments.weights)
     print(f"{made} steps in {(time.monotonic() - begun) / 60:.1f} minutes, {sum(os.times()[:4]) / 60:.1f} of a processor", flush=True)
     finish(model, scenes, samples, CLASSES, COLOURS, arguments.output, task, photographs)
 

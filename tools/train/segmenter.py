@@ -32,14 +32,27 @@ def build(classes, probabilities=False):
     return keras.Model(image, x, name="fovea_segmenter")
 
 
-def loss_of(weights, of):
+EVEN_CELLS, EVEN_LEAST, EVEN_MOST = 600, 0.5, 3.0
+
+
+def even_out(here):
+    """How much each cell of a label counts, by picture: the more, by the root, the fewer of them it shows; EVEN_CELLS of them count once. So what is far away, and
+    shows few, is not lost beside what is near. `here`: [pictures, height, width, 1], 1 where the label is."""
+    shown = tf.maximum(tf.reduce_sum(here, (1, 2, 3), keepdims=True), 1.0)
+    return tf.clip_by_value(tf.sqrt(EVEN_CELLS / shown), EVEN_LEAST, EVEN_MOST)
+
+
+def loss_of(weights, of, even=None):
     """Cross entropy, each label by its weight, and one minus the mean over classes of a soft overlap (Rahman and Wang 2016), which is what is judged.
-    `of`: the class of each label, of which several may be of one."""
+    `of`: the class of each label, of which several may be of one. `even`: a label whose cells are evened out."""
     weights, classes = tf.constant(weights, tf.float32), tf.one_hot(of, int(max(of)) + 1)
 
     def loss(labels, output):
         marks = tf.one_hot(tf.cast(labels, tf.int32), len(of))  # overlap.NONE: all zeros
         truth, weight = tf.matmul(marks, classes), tf.reduce_sum(marks * weights, -1, keepdims=True)
+        if even is not None:
+            here = marks[..., even:even + 1]
+            weight *= 1 + here * (even_out(here) - 1)
         entropy = -tf.reduce_sum(truth * weight * tf.nn.log_softmax(output), -1)
         known = tf.reduce_sum(truth, -1, keepdims=True)
         share = tf.nn.softmax(output) * known

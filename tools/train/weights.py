@@ -39,6 +39,12 @@ def load(model, path, names=None, known=()):
             variable.assign(classes.carried_over(variable.numpy(), stored[pixels + name[name.rindex("."):]], names, known, CELL_PLACES))
 
 
+def keep(model, path):
+    """Saves them, and goes on with what was saved: a model file that is made of them can be made again from `path`."""
+    save(model, path)
+    load(model, path)
+
+
 def earlier(path, names):
     """What a training before has left: (weights' file, names of its judged pictures, steps)."""
     if not os.path.exists(path):

@@ -131,7 +131,7 @@ static void unsure_obstacles_count(void **state)
     assert_int_equal(cell_at(2.85), FOVEA_GRID_UNKNOWN);
 }
 
-static void it_is_98_percent_unless_set_and_a_part_of_one(void **state)
+static void it_is_90_percent_unless_set_and_a_part_of_one(void **state)
 {
     (void)state;
     static struct fovea_config runtime;
@@ -139,9 +139,9 @@ static void it_is_98_percent_unless_set_and_a_part_of_one(void **state)
     struct fovea_error error;
     size_t bytes;
     fovea_grid_config_default(&config);
-    assert_true(config.floor_confidence == 0.98);
+    assert_true(config.floor_confidence == 0.9);
     fovea_config_default(&runtime);
-    assert_true(runtime.grid_job.grid.floor_confidence == 0.98);
+    assert_true(runtime.grid_job.grid.floor_confidence == 0.9);
     for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
         config.floor_confidence = wrong[i];
         assert_int_equal(fovea_grid_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
@@ -157,7 +157,7 @@ int main(void)
         cmocka_unit_test(less_may_be_enough),
         cmocka_unit_test(as_sure_as_asked_is_enough),
         cmocka_unit_test(unsure_obstacles_count),
-        cmocka_unit_test(it_is_98_percent_unless_set_and_a_part_of_one),
+        cmocka_unit_test(it_is_90_percent_unless_set_and_a_part_of_one),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
