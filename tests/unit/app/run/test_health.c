@@ -15,40 +15,9 @@
 #include "app/run/health.h"
 #include "app/run/run.h"
 #include "app/run/self_test.h"
+#include "common/fresh_root.h"
 #include "drivers/clock.h"
 #include "support/lcmlog.h"
-
-static char root[64];
-
-static void put(const char *path, const char *text)
-{
-    char whole[512], *slash;
-    snprintf(whole, sizeof whole, "%s%s", root, path);
-    for (slash = whole + strlen(root) + 1; (slash = strchr(slash, '/')) != NULL; slash++) {
-        *slash = '\0';
-        mkdir(whole, 0777);
-        *slash = '/';
-    }
-    FILE *file = fopen(whole, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    assert_int_equal(fclose(file), 0);
-}
-
-static int make_root(void **state)
-{
-    (void)state;
-    strcpy(root, "/tmp/fovea-health-XXXXXX");
-    return mkdtemp(root) == NULL;
-}
-
-static int remove_root(void **state)
-{
-    char command[128];
-    (void)state;
-    snprintf(command, sizeof command, "rm -r %s", root);
-    return system(command);
-}
 
 #define ZONE "/sys/class/thermal/thermal_zone"
 

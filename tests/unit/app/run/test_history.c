@@ -13,32 +13,8 @@
 
 #include "app/run/history.h"
 #include "app/run/run.h"
+#include "common/fresh_root.h"
 #include "drivers/clock.h"
-
-static char root[64];
-
-static int make_root(void **state)
-{
-    (void)state;
-    strcpy(root, "/tmp/fovea-history-XXXXXX");
-    return mkdtemp(root) == NULL;
-}
-
-static int remove_root(void **state)
-{
-    char command[128];
-    (void)state;
-    snprintf(command, sizeof command, "rm -r %s", root);
-    return system(command);
-}
-
-static void put(const char *path, const char *text)
-{
-    FILE *file = fopen(path, "w");
-    assert_non_null(file);
-    fputs(text, file);
-    assert_int_equal(fclose(file), 0);
-}
 
 static void test_history(void **state)
 {
@@ -53,10 +29,10 @@ static void test_history(void **state)
     assert_int_equal(fv_history_write(path, &history, &error), FOVEA_OK);
     assert_int_equal(fv_history_read(path, &read, &error), FOVEA_OK);
     assert_memory_equal(&history, &read, sizeof read);
-    put(path, "");
+    put("/history", "");
     assert_int_equal(fv_history_read(path, &read, &error), FOVEA_OK);
     assert_int_equal(read.starts, 0);
-    put(path, "junk\n");
+    put("/history", "junk\n");
     assert_int_equal(fv_history_read(path, &read, &error), FOVEA_ERROR_INPUT);
     static const struct {
         const char *text, *said;

@@ -195,8 +195,8 @@ static const char *why_without_pose(uint32_t features, enum pictures pictures)
     return fv_watch_why_no_pose(&watch, false);
 }
 
-/* What the operator is told to change is what is missing: with few features in each picture a
- * quarter of them is enough to be found again (odometry/initialise.c), so it is the motion. */
+/* The reason names what is missing. With few features in a picture it is enough that a quarter of
+ * them is found again (odometry/initialise.c): then the motion is missing. */
 static void test_the_reason_is_what_is_missing(void **state)
 {
     (void)state;
