@@ -57,6 +57,7 @@ minor=${minor%%.*}
 case $version in 0.*) api=0.$minor next=0.$((minor + 1)) ;; *) api=$major next=$((major + 1)) ;; esac
 for library in libfovea libfovea-messages; do
     echo "$library.so.$api libfovea0 #MINVER#, libfovea0 (<< $next~)"
+    echo '* Build-Depends-Package: libfovea-dev'
     sed "s/.*/ &@Base $api~/" tools/$library.symbols
 done >"$tree/debian/libfovea0.symbols"
 
