@@ -13,6 +13,7 @@ packages() {
     package) echo build-essential dpkg-dev debhelper fakeroot lintian libcamera-dev libopencv-videoio-dev ;;
     package-root) echo mmdebstrap ;;
     package-service) echo systemd-container ;;
+    package-guest) echo libcmocka-dev ;;
     package-other) echo locales faketime ;;
     package-root-arm64) echo mmdebstrap arch-test qemu-user-static binfmt-support ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \

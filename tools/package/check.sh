@@ -5,8 +5,8 @@
 #   arm64         the packages of arm64 in a bare arm64 Debian, emulated: installed and run
 #   service       in a Debian that systemd starts as its first process, by systemd-nspawn: the service is real-time in its loop alone, its page
 #                 answers, a run that is stopped is started again and poses, a reload takes a key, a stop saves the map
-#   guest         in the virtual machine of `make hil`, with cameras of the kernel's drivers: notify, LCM both ways, libcamera's process, and what
-#                 the watchdog does about a run that is stopped and a loop that hangs
+#   guest         in the virtual machine of `make hil`, with cameras of the kernel's drivers: notify, LCM both ways, libcamera's process, what
+#                 the watchdog does about a run that is stopped and a loop that hangs, and pages that a control group of version 2 takes back
 #   trixie        built and installed in a bare Debian 13, from a clone of this commit: a run
 #   reproducible  built twice, in folders of different names, one after the other, with another date, locale, umask and number of cores: the same bytes
 # Usage: tools/package/check.sh PART...     after `make deb`, for arm64 after `make deb ARCH=arm64`
@@ -172,14 +172,14 @@ service() {
 }
 
 guest() {
-    tools/install.sh hil
-    make --no-print-directory build/command
+    tools/install.sh build hil package-guest
+    make --no-print-directory build/command build/tests/realtime/test_reclaim
     tools/hil/setup.sh build-hil
     bare_root amd64
     in_root 'apt-get update -q >/dev/null
-             apt-get install -y -q --no-install-recommends systemd-sysv udev kmod iproute2 procps libcamera-ipa >/packages/log 2>&1 &&
+             apt-get install -y -q --no-install-recommends systemd-sysv udev kmod iproute2 procps libcamera-ipa libcmocka0 >/packages/log 2>&1 &&
              apt-get install -y -q /packages/fovea_*.deb >>/packages/log 2>&1 || { tail -n 20 /packages/log; exit 1; }' # with what it recommends: libcamera
-    cp tools/package/try_guest.sh tools/package/first_pose.sh build/command "$(command -v busybox)" "$root/packages/"
+    cp tools/package/try_guest.sh tools/package/first_pose.sh build/command build/tests/realtime/test_reclaim "$(command -v busybox)" "$root/packages/"
     printf '%s\n' '[Unit]' 'After=multi-user.target' '[Service]' 'Type=oneshot' 'TimeoutStartSec=infinity' \
         'ExecStart=/bin/sh -c "/packages/try_guest.sh >/results/said 2>&1; sync; printf \\\\001 | dd of=/dev/port bs=1 seek=244"' \
         '[Install]' 'WantedBy=multi-user.target' >"$root/etc/systemd/system/trial.service"
