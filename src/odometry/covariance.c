@@ -5,7 +5,7 @@
 
 #include "geometry/normal_equations.h"
 #include "geometry/vec.h"
-#include "odometry/lens.h"
+#include "odometry/covariance_lens.h"
 #include "odometry/odometry.h"
 #include "geometry/chi_square.h"
 
@@ -29,14 +29,7 @@ static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double much_larger = 2;                    /* less is chance */
-static const double focal_sigmas = 4, focal_max = 0.01; /* in good runs it stays below half of it */
-static const double focal_hint = 3, focal_hint_mean = 5; /* sigmas of one frame, of the mean: frames
-                                                            share the errors of their map */
-static const double focal_fade = 0.9;                    /* of the mean, per frame */
-static const double focal_held_fade = 0.99;              /* of what was clear, per frame */
-static const double focal_shown =
-    0.25; /* least of a change that the inliers of a fit without it show */
+static const double much_larger = 2; /* less is chance */
 static const double bend_max = 0.1, bend_fraction = 0.17;
 static const double open_max = 0.01; /* rad, and of the depth; good pictures leave .001 open */
 static const double doubt_fraction =
@@ -398,81 +391,16 @@ static void reference_from(const struct fv_keyframe *reference, const struct fv_
     fv_se3_compose(&frame->keyframe->T_cam_world, &T_world_ref, T);
 }
 
-/* Whether what was noted of the reference is of the keyframe that is the reference now. */
-static bool reference_known(const struct fv_odometry *o)
-{
-    const struct fv_reference_state *reference = &o->state->reference;
-    const uint32_t slot = o->state->newest;
-    return reference->slot == slot && reference->generation == o->map.keyframes[slot].generation;
-}
-
 /* What the parts of the reference's image showed, in place of what those of the frame's show, where
  * that is much larger, judged by turns, which have one unit everywhere. */
 static void larger_parts(const struct fv_odometry *o, const struct fv_se3 *T_frame_ref,
                          double parts[21])
 {
     double carried[21];
-    if (!reference_known(o)) return;
+    if (!fv_odometry_reference_known(o)) return;
     fv_se3_carry_covariance(T_frame_ref, o->state->reference.parts, carried);
     if (carried[15] + carried[18] + carried[20] > much_larger * (parts[15] + parts[18] + parts[20]))
         memcpy(parts, carried, sizeof carried);
-}
-
-/* The change of the focal length to count, of a frame that shows `change` with `sigma`. */
-static double change_to_count(struct fv_covariance_state *s, double change, double sigma)
-{
-    const double weight = 1 / (sigma * sigma), own = __builtin_fabs(change);
-    s->change_sum = focal_fade * s->change_sum + weight * change;
-    s->change_weight = focal_fade * s->change_weight + weight;
-    const double mean = __builtin_fabs(s->change_sum / s->change_weight),
-                 mean_sigma = __builtin_sqrt(1 / s->change_weight);
-    const double of_mean = mean > focal_hint_mean * mean_sigma ? mean : 0,
-                 of_own = own > focal_hint * sigma ? own : 0;
-    if (own > focal_sigmas * sigma) return own / focal_shown;
-    return of_own > of_mean ? of_own : of_mean;
-}
-
-/* Adds to the covariance what the pose would move by with another focal length, where the picture
- * or those before show the map as by one. True: the picture has another by more than focal_max. */
-static bool other_focal(const struct fv_odometry *o, double variance, double covariance[21])
-{
-    const struct fv_inverse_distance *distances = distances_of(&o->map, fv_map_current(&o->map));
-    struct fv_covariance_state *s = &o->state->covariance;
-    struct fv_lens_frame lens;
-    if (!fv_lens_frame_current(o, distances, 1, &lens)) return false;
-    const double sigma = lens.sigma_unit * __builtin_sqrt(variance),
-                 counted = change_to_count(s, lens.change, sigma),
-                 times = lens.change != 0 ? counted / lens.change : 0;
-    for (int row = 0, k = 0; row < 6; row++)
-        for (int column = row; column < 6; column++, k++) {
-            s->lens[k] = times * times * lens.moved[row] * lens.moved[column];
-            covariance[k] += s->lens[k];
-        }
-    const double own = __builtin_fabs(lens.change);
-    const bool is_clear = own > focal_sigmas * sigma;
-    s->focal_held *= focal_held_fade;
-    if (is_clear && own > s->focal_held) s->focal_held = own;
-    s->focal = is_clear ? own : counted;
-    if (s->focal_held > s->focal) s->focal = s->focal_held;
-    return is_clear && own > focal_max;
-}
-
-/* What another focal length moved the reference keyframe by, and what it makes of the turn since: a
- * map that is made anew by that lens takes turns for as much longer or shorter. */
-static void add_reference_lens(const struct fv_odometry *o, const struct fv_se3 *T_frame_ref,
-                               double covariance[21])
-{
-    enum { TURN_FIRST = 15 }; /* of the upper triangle */
-    double carried[21], turn[3];
-    if (!reference_known(o)) return;
-    fv_se3_carry_covariance(T_frame_ref, o->state->reference.lens, carried);
-    for (int k = 0; k < 21; k++)
-        covariance[k] += carried[k];
-    fv_so3_log(T_frame_ref->R, turn);
-    const double focal = o->state->reference.focal, across[2] = {focal * turn[0], focal * turn[1]};
-    covariance[TURN_FIRST] += across[0] * across[0];
-    covariance[TURN_FIRST + 1] += across[0] * across[1];
-    covariance[TURN_FIRST + 3] += across[1] * across[1];
 }
 
 void fv_covariance_rescale(double covariance[21], double factor)
@@ -515,13 +443,14 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
         covariance[k] = own_fraction * covariance[k] + parts.covariance[k];
     const double depth = reference->depth > 0 ? reference->depth : 1;
     if (!well_known(covariance, depth)) reliable = false;
-    if (other_focal(o, variance, covariance)) reliable = false;
-    add_reference_lens(o, &T_frame_ref, covariance);
+    if (fv_covariance_add_lens(o, variance, covariance)) reliable = false;
+    fv_covariance_add_reference_lens(o, &T_frame_ref, covariance);
     const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
     const double open = bend_fraction * bend + (doubt ? doubt_fraction : 0),
                  drift = open * fv_norm3(T_frame_ref.t), turn = drift / depth;
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift * drift : turn * turn;
-    const bool young = o->map.state->keyframe_number - o->state->first_keyframe < YOUNG_KEYFRAMES;
-    return reliable && !(young && bend >= bend_max);
+    const bool is_young =
+        o->map.state->keyframe_number - o->state->first_keyframe < YOUNG_KEYFRAMES;
+    return reliable && !(is_young && bend >= bend_max);
 }

@@ -33,26 +33,16 @@
  *
  * So is a twentieth of the way where the pictures leave the map in doubt (agreement.h).
  *
- * A lens that zooms, or that its focus changes, shows the map as by another focal length. With
- * depth in view that is not the same as a step ahead: the measure of the calibration's watch says
- * by how much (fv_lens_frame_current). Where it is another by three sigmas, what the pose would
- * move by with it is added, and from four sigmas on four times that, since the inliers of a fit
- * without it show a part of it alone. A small change is seen in the mean of several frames, which
- * counts from five of its sigmas on. What was added of the reference keyframe, when it was the
- * current frame, is added of all frames that refer to it; and since turns are measured by the focal
- * length, that change times the turn since. A map that is made anew by the other lens no longer
- * shows it and takes turns by it: what was clear is held for them, and halves in 70 frames. On good
- * runs the focal length is another by .05 to .2 %, in the handheld recording, whose calibration is
- * a guess, by .4 %. (The watch asks
- * over many frames, to find a calibration that is wrong for good.)
+ * What another focal length than the calibration's would move the pose by is added, too
+ * (covariance_lens.h).
  *
  * Not to be relied on, whatever its size: while the map is young (fewer than ten keyframes) and
- * that bend is 10 % or more; where the parts' variance is three times that of the errors or more,
- * unless five keyframes or more agree with the map (agreement.h): then what pulls is a thing that
- * moves or a lens, and is counted above; where the focal length is another by more than 1 %; where
- * the pose hangs on one part alone; and where, the lens aside, it is not known to 10 mrad and to
- * 1 % of the depth: good pictures leave a tenth of that open, and what leaves so much open has
- * seldom shown it all. */
+ * that bend is 10 % or more; where the parts' variance is three times that of the
+ * errors or more, unless five keyframes or more agree with the map (agreement.h): then what pulls
+ * is a thing that moves or a lens, and is counted above; where the focal length is another by more
+ * than 1 %; where the pose hangs on one part alone; and where, the lens aside, it is not known to
+ * 10 mrad and to 1 % of the depth: good pictures leave a tenth of that open, and what leaves so
+ * much open has seldom shown it all. */
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H
 
@@ -72,6 +62,7 @@ struct fv_covariance_state {
     double lens[21];                  /* what another focal length added to the last frame's, */
     double focal;                     /* and that change, by the pictures; 0: none */
     double focal_held;                /* the largest that was clear in one picture, fading */
+    uint32_t alert_frames;            /* for so many frames a smaller change is a hint */
 };
 
 struct fv_covariance {

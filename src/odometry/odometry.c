@@ -214,6 +214,13 @@ static void published_pose(const struct fv_odometry *o, const struct fv_sim3 *S_
     fv_copy3(S_odom_cam.t, T_odom_cam->t);
 }
 
+bool fv_odometry_reference_known(const struct fv_odometry *o)
+{
+    const struct fv_reference_state *reference = &o->state->reference;
+    const uint32_t slot = o->state->newest;
+    return reference->slot == slot && reference->generation == o->map.keyframes[slot].generation;
+}
+
 /* Optimisation has moved the reference keyframe since its own frame's pose was published: by so
  * much the two published poses disagree with the map, and that is added to the covariance. */
 static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
@@ -224,7 +231,7 @@ static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_m
     struct fv_se3 T_odom_ref, inverse, now, published;
     double between[3], turned[9], e[6];
     published_pose(o, S_odom_map, slot, &T_odom_ref);
-    if (s->reference.slot != slot || s->reference.generation != generation) {
+    if (!fv_odometry_reference_known(o)) {
         const bool is_own =
             o->map.keyframes[slot].stamp_ns == o->map.keyframes[fv_map_current(&o->map)].stamp_ns;
         s->reference = (struct fv_reference_state){slot, generation, T_odom_ref, {0}, {0}, 0};

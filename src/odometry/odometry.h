@@ -206,6 +206,8 @@ void fv_odometry_keep_scale(struct fv_odometry *odometry, const struct fv_map_sc
 bool fv_odometry_initialise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Inliers and covariance of the first pose, from the first map. */
 void fv_odometry_confirm(struct fv_odometry *odometry);
+/* Whether what was noted of the reference keyframe is of the one that is the reference now. */
+bool fv_odometry_reference_known(const struct fv_odometry *odometry);
 /* Whether the current frame should become a keyframe, and making it one. */
 bool fv_odometry_keyframe_needed(struct fv_odometry *odometry, uint32_t inliers);
 void fv_odometry_make_keyframe(struct fv_odometry *odometry);

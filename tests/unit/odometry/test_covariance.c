@@ -315,6 +315,46 @@ static void a_clear_change_is_held(void **state)
     assert_true(s->focal_held == s->focal && s->focal > 0.6 * fabs(lens.change));
 }
 
+/* Whether another focal length is counted in each of `frames` behind a clear change, that show it
+ * `sigmas` off; `together`: what is seen in several frames counts too. */
+static void show_again(double clear, double sigmas, bool together, bool counted[], int frames)
+{
+    struct fv_covariance_state *s = &seen.o->state->covariance;
+    struct fv_lens_frame lens;
+    struct fv_pose_fit fit;
+    double sigma;
+    (void)write_zoomed(0, &lens, &sigma);
+    const double small = sigmas * sigma - lens.change;
+    (void)write_zoomed(clear, &lens, &sigma);
+    assert_true(lens.change > 4 * sigma);
+    s->change_sum = s->change_weight = 0;
+    zoom(small, &fit);
+    for (int k = 0; k < frames; k++) {
+        fv_covariance_begin(s);
+        if (!together) s->change_sum = s->change_weight = 0;
+        (void)fv_covariance_write(seen.o, &seen.frame, &fit);
+        counted[k] = s->lens[0] > 0;
+    }
+}
+
+/* Behind a clear change of more than .4 % two sigmas are enough for another, for 300 frames, and
+ * one sigma in several frames that agree. */
+static void a_lens_that_changed_may_change_again(void **state)
+{
+    bool counted[301];
+    (void)state;
+    show_again(0.0035, 2, false, counted, 301);
+    for (int k = 0; k < 301; k++)
+        assert_false(counted[k]);
+    show_again(0.0045, 2, false, counted, 301);
+    for (int k = 0; k < 301; k++)
+        assert_true(counted[k] == (k < 300));
+    show_again(0.0035, 1, true, counted, 10);
+    assert_false(counted[9]);
+    show_again(0.0045, 1, true, counted, 10);
+    assert_true(!counted[0] && counted[9]);
+}
+
 /* What was added of a keyframe is added to the frames that refer to it. */
 static void the_reference_keeps_what_its_focal_length_added(void **state)
 {
@@ -418,6 +458,7 @@ int main(void)
         cmocka_unit_test(another_focal_length_is_admitted),
         cmocka_unit_test(a_small_change_is_seen_in_several_frames),
         cmocka_unit_test(a_clear_change_is_held),
+        cmocka_unit_test(a_lens_that_changed_may_change_again),
         cmocka_unit_test(the_reference_keeps_what_its_focal_length_added),
         cmocka_unit_test(the_turn_since_such_a_reference_is_in_doubt),
         cmocka_unit_test(a_new_reference_takes_what_was_added),
