@@ -160,6 +160,17 @@ static void correct_map(struct fv_closure *closure, const struct fv_map *map, ui
     }
 }
 
+/* The two ends of the closure have one unit of length now, and what hangs between them no more
+ * doubt of it than the surer end. */
+static void share_unit(const struct fv_closure *closure, struct fv_map *map, uint32_t a, uint32_t b)
+{
+    const float at_a = map->keyframes[a].unit_variance, at_b = map->keyframes[b].unit_variance;
+    const float least = at_a < at_b ? at_a : at_b;
+    for (uint32_t k = 0; k < map->limits.keyframes; k++)
+        if (closure->corrected[k] && map->keyframes[k].unit_variance > least)
+            map->keyframes[k].unit_variance = least;
+}
+
 static void apply_corrections(const struct fv_closure *closure, struct fv_map *map)
 {
     for (uint32_t i = 0; i < map->state->landmark_top; i++) {
@@ -229,6 +240,7 @@ void fv_closure_commit(struct fv_closure *closure, struct fv_map *map,
         s->counts.merged++;
     }
     apply_corrections(closure, map);
+    share_unit(closure, map, keyframe, candidate);
     if (own != others)
         join_maps(map, own > others ? own : others, own > others ? others : own,
                   own > others ? candidate : keyframe);

@@ -85,7 +85,9 @@ struct fv_keyframe {
     uint32_t map_id;     /* of the map that it belongs to */
     uint16_t redundancy; /* thousandths of its landmarks that enough others see; as last computed */
     bool used;
-    bool held; /* an edge of a closure ends here */
+    bool held;           /* an edge of a closure ends here */
+    float unit_variance; /* of the logarithm of its unit of length over the map's; 0 in a new
+                            keyframe and in a map from a file (odometry/covariance.h) */
 };
 
 struct fv_observer {

@@ -30,7 +30,9 @@ static const double together_max =
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
 static const double much_larger = 2; /* less is chance */
-static const double bend_max = 0.1, bend_fraction = 0.17;
+static const double bend_max = 0.1, bend_lost = 0.5, bend_fraction = 0.17;
+static const double passed_fraction =
+    0.4; /* of the cube of the bend, behind which the unit of length is another by that */
 static const double open_max = 0.01; /* rad, and of the depth; good pictures leave .001 open */
 static const double doubt_fraction =
     0.05; /* of the way, where the pictures do not bear the map out */
@@ -300,6 +302,34 @@ static double map_bend(const struct fv_map *map, double focal_px, const struct f
     return bend < 1 ? bend : 1;
 }
 
+/* Of the frame's unit of length: that of the keyframes from which its landmarks come. */
+static double unit_variance(const struct fv_map *map, const struct fv_map_frame *frame)
+{
+    double sum = 0;
+    uint32_t count = 0;
+    for (uint32_t f = 0; f < frame->keyframe->features; f++) {
+        if (frame->landmark[f] == FV_MAP_NONE) continue;
+        const struct fv_landmark *l = &map->landmarks[frame->landmark[f]];
+        sum += (double)map->keyframes[l->observers[0].keyframe].unit_variance;
+        count++;
+    }
+    return count > 0 ? sum / count : 0;
+}
+
+/* The unit is another by its own share: lengths in it, and no turn. Notes what the unit of a
+ * keyframe made of the frame varies by: there the map passes through as few landmarks with parallax
+ * as the bend says. A young map has nothing before it. */
+static void add_unit(struct fv_odometry *o, const struct fv_map_frame *frame, double bend,
+                     bool is_young, const double t[3], double covariance[21])
+{
+    const double variance = unit_variance(&o->map, frame),
+                 passed = passed_fraction * bend * bend * bend;
+    for (int row = 0, k = 0; row < 3; k += 6 - row, row++)
+        for (int column = row; column < 3; column++)
+            covariance[k + column - row] += variance * t[row] * t[column];
+    o->state->covariance.unit_variance = is_young ? 0 : (float)(variance + passed * passed);
+}
+
 static struct fv_shown *shown_of(struct fv_joint *j, int pose)
 {
     return &j->shown[pose == REFERENCE ? FV_COVARIANCE_POSES_MAX : pose];
@@ -452,5 +482,6 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
         covariance[k] += row < 3 ? drift * drift : turn * turn;
     const bool is_young =
         o->map.state->keyframe_number - o->state->first_keyframe < YOUNG_KEYFRAMES;
-    return reliable && !(is_young && bend >= bend_max);
+    add_unit(o, frame, bend, is_young, T_frame_ref.t, covariance);
+    return reliable && bend < (is_young ? bend_max : bend_lost);
 }

@@ -99,6 +99,7 @@ void fv_odometry_make_keyframe(struct fv_odometry *o)
     uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));
     struct fv_keyframe *keyframe = &o->map.keyframes[slot];
     keyframe->depth = depth;
+    keyframe->unit_variance = s->covariance.unit_variance;
     for (uint32_t f = 0; f < current.keyframe->features; f++) {
         int32_t landmark = current.landmark[f];
         /* Making room may have taken landmarks that the frame had matched. */

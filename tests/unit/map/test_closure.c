@@ -240,6 +240,26 @@ static void check_links(void)
     }
 }
 
+/* The newest keyframe is surer of its unit of length than those behind it will be. */
+static void doubt_unit(void)
+{
+    w.map.keyframes[w.slot[w.count - 1]].unit_variance = (float)w.count;
+}
+
+/* Of the keyframes from `first` to `last`, which the closure has corrected, none is less sure of
+ * its unit than the surer end, which is the older one; the others are what they were. */
+static void check_units(uint32_t first, uint32_t last)
+{
+    const uint32_t older = w.closure.state->candidates[w.closure.state->candidate].slot;
+    const float least = w.map.keyframes[older].unit_variance;
+    assert_true(least >= 1 &&
+                w.map.keyframes[w.closure.state->keyframe.slot].unit_variance == least);
+    for (uint32_t n = 0; n <= last; n++) {
+        const float own = (float)(n + 1), now = w.map.keyframes[w.slot[n]].unit_variance;
+        assert_true(now == (n >= first && own > least ? least : own));
+    }
+}
+
 static void test_closes_the_ring(void **context)
 {
     (void)context;
@@ -247,12 +267,14 @@ static void test_closes_the_ring(void **context)
     bool closed = false;
     while (w.count < RING - 4) {
         add_keyframe();
+        doubt_unit();
         offer(w.count - 1);
         assert_false(work(false)); /* nothing has been met again */
     }
     double before = 0;
     while (w.count < KEYFRAMES && !closed) {
         add_keyframe();
+        doubt_unit();
         before = distance_off(w.count - 1, 2);
         offer(w.count - 1);
         closed = work(true);
@@ -261,6 +283,7 @@ static void test_closes_the_ring(void **context)
     assert_int_equal(w.closure.state->counts.closed, 1);
     assert_true(w.count < KEYFRAMES); /* with some keyframes to spare */
     assert_true(w.closure.state->counts.fused > 50);
+    check_units(0, w.count - 2);
     assert_true(fabs(before) > 0.5);                 /* it had drifted indeed */
     for (uint32_t n = w.count - 2; n < w.count; n++) /* the last one was born meanwhile */
         if (!(fabs(distance_off(n, 2)) < 0.2))
@@ -280,6 +303,7 @@ static void test_merges_maps(void **context)
     make_world(6);
     for (int i = 0; i < 15; i++) {
         add_keyframe();
+        doubt_unit();
         offer(w.count - 1);
         assert_false(work(false));
     }
@@ -293,12 +317,14 @@ static void test_merges_maps(void **context)
     bool merged = false;
     while (w.count < KEYFRAMES && !merged) {
         add_keyframe();
+        doubt_unit();
         offer(w.count - 1);
         merged = work(false);
         check_links();
     }
     assert_true(merged);
     assert_int_equal(w.closure.state->counts.merged, 1);
+    check_units(15, w.count - 1);
     assert_int_equal(w.map.state->map_id, w.map.keyframes[w.slot[0]].map_id);
     assert_int_equal(fv_map_count_keyframes(&w.map, w.map.state->map_id),
                      w.map.state->keyframe_count);
