@@ -39,10 +39,11 @@ struct fv_grid_state {
     int32_t scanned;    /* rays of the scan */
     int32_t free_below; /* log-odds in thousandths, as the next */
     int32_t occupied_above;
-    uint32_t phase;       /* enum fv_grid_phase */
-    uint32_t point;       /* the next one */
-    uint32_t begun;       /* an update came since the last fv_grid_forget */
-    uint16_t made, floor; /* the tables are filled; the ray has shown floor */
+    uint32_t phase;      /* enum fv_grid_phase */
+    uint32_t point;      /* the next one */
+    uint32_t begun;      /* an update came since the last fv_grid_forget */
+    uint16_t begin;      /* the step at which the ray comes into the image */
+    uint8_t made, floor; /* the tables are filled; the ray has shown floor */
 };
 
 /* Counts are in FV_GRID_HEIGHT_ONE-ths of a point. No padding. */

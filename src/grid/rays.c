@@ -152,6 +152,23 @@ static void end_ray(struct fv_grid *g, const struct fv_grid_look *look, const st
                   mark_of(variance_at(look, ray, step), label == FOVEA_GRID_MOVABLE));
 }
 
+/* Where a ray comes into the image there is something movable already: its foot is nearer, hidden
+ * from the camera, as likely as not in each cell up to the robot's edge, for a way that such things
+ * are wide. What does not move was seen from farther away before. */
+static void mark_hidden(struct fv_grid *g, const struct fv_grid_look *look, const struct ray *ray,
+                        int32_t *lookups)
+{
+    const double wide_m = 0.3, least = g->config.robot_radius_m;
+    const int32_t begin = g->state->begin,
+                  count = (int32_t)(wide_m * FV_GRID_RAY_STEPS / g->config.resolution_m);
+    for (int32_t i = begin > count ? begin - count : 0; i < begin; i++) {
+        const double dx = look->from[0] + ray->x * i - g->state->position_m[0],
+                     dy = look->from[1] + ray->y * i - g->state->position_m[1];
+        if (dx * dx + dy * dy > least * least) mark_step(g, look, ray, i, FV_GRID_MARK_EIGHTHS + 1);
+        --*lookups;
+    }
+}
+
 /* All steps since the last call up to this one were floor. */
 static void end_run(struct fv_grid *g, const struct fv_grid_look *look, const struct ray *ray,
                     int32_t step)
@@ -172,6 +189,7 @@ static bool follow_ray(struct fv_grid *g, const struct fv_grid_look *look, int32
         ray_of(look, g->rays[s->ray], g->config.resolution_m / FV_GRID_RAY_STEPS);
     if (s->step < 0) {
         s->step = s->free = view_begin(look, &ray, steps);
+        s->begin = (uint16_t)s->step;
         s->floor = 0;
         *lookups -=
             (s->step < steps ? s->step : steps) / FV_GRID_AHEAD + FV_GRID_AHEAD; /* at most */
@@ -184,6 +202,8 @@ static bool follow_ray(struct fv_grid *g, const struct fv_grid_look *look, int32
         end_run(g, look, &ray, step);
         s->step = step;
         if (label != FV_GRID_UNSURE) {
+            if (label == FOVEA_GRID_MOVABLE && step == s->begin)
+                mark_hidden(g, look, &ray, lookups);
             end_ray(g, look, &ray, label, lookups);
             return true;
         }

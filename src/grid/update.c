@@ -216,6 +216,16 @@ static void stand(struct fv_grid *g)
     }
 }
 
+/* Log-odds of a cell by one view more. What may move came just now to floor that was free: what was
+ * known of that counts no more, as far as the view says that it is there. */
+static int32_t updated(int32_t odds, uint8_t kind)
+{
+    if (kind == FV_GRID_MARK_FREE) return odds + MISS;
+    const int32_t eighths = kind / 2, hit = HIT * eighths / FV_GRID_MARK_EIGHTHS;
+    if (kind % 2 == 0 || odds > 0) return odds + hit;
+    return odds * (FV_GRID_MARK_EIGHTHS - eighths) / FV_GRID_MARK_EIGHTHS + hit;
+}
+
 static void apply(struct fv_grid *g, int64_t from, int64_t to)
 {
     for (int64_t i = from; i < to; i++) {
@@ -225,9 +235,7 @@ static void apply(struct fv_grid *g, int64_t from, int64_t to)
         const uint8_t kind = g->marks[i] & FV_GRID_MARK_KIND;
         g->marks[i] = FV_GRID_MARK_NONE;
         if (kind == FV_GRID_MARK_NONE) continue;
-        const int32_t odds =
-            g->odds[i] +
-            (kind == FV_GRID_MARK_FREE ? MISS : HIT * (kind / 2) / FV_GRID_MARK_EIGHTHS);
+        const int32_t odds = updated(g->odds[i], kind);
         g->odds[i] = (int16_t)(odds < LEAST ? LEAST : odds > MOST ? MOST : odds);
         if (kind == FV_GRID_MARK_FREE && g->heights != NULL) fv_grid_height_floor(&g->heights[i]);
         if (kind != FV_GRID_MARK_FREE) g->movable[i] = kind % 2;
