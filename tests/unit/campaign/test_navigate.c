@@ -9,6 +9,7 @@
 
 #include <cmocka.h>
 
+#include "../../../tools/examples/navigate/map.h"
 #include "../../../tools/examples/navigate/pieces.h"
 #include "../../../tools/examples/navigate/plan.h"
 #include "base/elementary.h"
@@ -169,6 +170,23 @@ static void what_is_suspected_is_looked_at_from_near(void **state)
     begin_narrow(SUSPECTED);
     cleared_from_x = 0.6;
     assert_true(arrives(&farthest) && farthest < 0.6 && planner.touches == 0);
+}
+
+/* More for an obstacle than for floor: suspected, also where the grid knows neither, as on floor
+ * that something comes to. */
+static void what_speaks_for_an_obstacle_is_suspected(void **state)
+{
+    static const enum navigate_kind kinds[] = {NAVIGATE_FREE,      NAVIGATE_UNKNOWN,
+                                               NAVIGATE_UNKNOWN,   NAVIGATE_SUSPECTED,
+                                               NAVIGATE_SUSPECTED, NAVIGATE_OCCUPIED};
+    static const int8_t values[] = {34, UNKNOWN, 50, 51, 88, 89};
+    (void)state;
+    for (int i = 0; i < 6; i++) {
+        begin(3, 0, FREE);
+        fill(1.4, 1.5, -5, 5, values[i]);
+        plan();
+        assert_int_equal(planner.kind[navigate_cell(&planner, 1.45, 0.05)], kinds[i]);
+    }
 }
 
 /* The gap between two suspected cells is too narrow, and a way round is 5 m longer: the robot takes
@@ -507,6 +525,7 @@ int main(void)
         cmocka_unit_test(a_gap_wider_than_the_robot_is_passed),
         cmocka_unit_test(a_gap_narrower_than_the_robot_is_not),
         cmocka_unit_test(what_is_suspected_is_looked_at_from_near),
+        cmocka_unit_test(what_speaks_for_an_obstacle_is_suspected),
         cmocka_unit_test(a_free_way_is_preferred_to_a_suspected_one),
         cmocka_unit_test(it_can_stop_within_what_is_free),
         cmocka_unit_test(what_stays_too_narrow_is_given_up),

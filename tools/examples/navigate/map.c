@@ -10,7 +10,7 @@ static const double wide_m = 0.6, near_price = 8, unknown_price = 3, suspect_pri
 /* What of the robot's edge a touch may be at, to either side of ahead, and how deep it is taken to
  * be. */
 static const double touch_rad = 1.2, touch_deep_m = 0.1;
-enum { FREE_BELOW = 35, SUSPECTED_ABOVE = 65, OCCUPIED_ABOVE = 88 };
+enum { FREE_BELOW = 35, SUSPECTED_ABOVE = 50, OCCUPIED_ABOVE = 88 };
 
 static void lower(float *to, float from)
 {

@@ -21,8 +21,8 @@ enum {
     NAVIGATE_TOUCHES_MAX = 16
 };
 
-/* In ascending order of danger. Suspected: an obstacle was seen once or twice, from afar; it may be
- * in a cell beside this one. */
+/* In ascending order of danger. Suspected: more speaks for an obstacle than for floor. It was seen
+ * once or twice, from afar, and may be in a cell beside this one; or comes to what was free. */
 enum navigate_kind { NAVIGATE_FREE, NAVIGATE_UNKNOWN, NAVIGATE_SUSPECTED, NAVIGATE_OCCUPIED };
 
 struct navigate_robot {
