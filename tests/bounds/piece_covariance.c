@@ -20,7 +20,8 @@ static void collect(void *context)
 {
     struct covarying *c = context;
     collect_parts(&c->o->map, &c->frame, c->parts);
-    c->variance = map_bend(&c->o->map, c->o->focal_px, &c->frame, 0.1);
+    c->variance = map_bend(&c->o->map, c->o->focal_px, &c->frame, 0.1) +
+                  unit_variance(&c->o->map, &c->frame);
 }
 
 static void joint(void *context)
@@ -39,7 +40,7 @@ static void jackknife(void *context)
 static void lens_current(void *context)
 {
     struct covarying *c = context;
-    (void)other_focal(c->o, 0, c->covariance);
+    (void)fv_covariance_add_lens(c->o, 0, c->covariance);
 }
 
 /* Parts of one weight each. */

@@ -168,6 +168,16 @@ static void freed(void *context)
     free_up_to(w->g, &w->look, &w->ray, fv_grid_steps(w->g));
 }
 
+static int32_t marked; /* steps of a ray nearer than the image */
+
+static void hidden_marked(void *context)
+{
+    struct gridding *w = context;
+    int32_t lookups = 0;
+    mark_hidden(w->g, &w->look, &w->ray, &lookups);
+    marked = -lookups;
+}
+
 /* Over floor that is seen to the end of the range, its height known or not. */
 static void of_long_rays(struct gridding *w)
 {
@@ -192,6 +202,10 @@ static void of_long_rays(struct gridding *w)
             NOTE(ray_looked, ray_followed, w, walked);
             w->ray = ray;
             NOTE(ray_freed, freed, w, steps + 1);
+            s->begin = (uint16_t)view_begin(&w->look, &ray, steps);
+            hidden_marked(w);
+            MUST(marked > 0);
+            NOTE(ray_looked, hidden_marked, w, marked);
         }
 }
 
