@@ -325,7 +325,8 @@ static void image_spoil(struct fovea_source *source, struct held *held, uint32_t
 
 /* ---- frames ---------------------------------------------------------------------------------- */
 
-/* Take a frame of the source within; those that are dropped are gone. */
+/* Take a frame of the source within; those that are dropped are gone. FOVEA_AGAIN past the
+ * deadline, too: the source may have a frame at once each time, and drop them for long. */
 static enum fovea_status inner_take(struct fovea_source *source, int64_t deadline_ns,
                                     struct taken *taken)
 {
@@ -340,6 +341,8 @@ static enum fovea_status inner_take(struct fovea_source *source, int64_t deadlin
         if (!taken->faulty || !fv_fault_has(&source->options, FV_FAULT_drop)) return FOVEA_OK;
         source->ops->requeue(source->inner, &taken->own);
         source->lost++;
+        if (deadline_ns != INT64_MAX && fv_clock_ns(CLOCK_MONOTONIC) >= deadline_ns)
+            return FOVEA_AGAIN;
     }
 }
 

@@ -120,6 +120,38 @@ static void play_all(const char *faults)
     assert_memory_equal(again.sample, faulty.sample, faulty.samples * sizeof faulty.sample[0]);
 }
 
+/* A source within that has a frame at once, whatever the deadline, and no end: dropping them all
+ * ends at the deadline, and goes on with the next call. */
+static void dropping_ends_at_the_deadline(void **state)
+{
+    const struct fovea_source_selection all = {.step = 1};
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    struct fovea_source_counts counts;
+    struct fovea_error error;
+    struct fovea_frame frame;
+    const char *address;
+    (void)state;
+    assert_int_equal(fv_source_find("fault:sim:orbit?width=96&height=64?kind=drop&first=1&"
+                                    "shortest=30&longest=30&count=1",
+                                    &ops, &address, &error),
+                     FOVEA_OK);
+    assert_int_equal(ops->open(address, &all, &source, &error), FOVEA_OK);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
+    ops->requeue(source, &frame);
+    for (uint64_t dropped = 1; dropped <= 30; dropped++) {
+        assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_AGAIN);
+        ops->counts(source, &counts);
+        assert_int_equal(counts.dropped, dropped);
+    }
+    assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_OK);
+    assert_int_equal(frame.index, 31);
+    ops->requeue(source, &frame);
+    ops->stop(source);
+    ops->close(source);
+}
+
 static bool in_window(uint64_t index)
 {
     return index >= FIRST && index <= LAST;
@@ -447,6 +479,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_is_dropped_does_not_come),
+        cmocka_unit_test(dropping_ends_at_the_deadline),
         cmocka_unit_test(duplicates_come_twice),
         cmocka_unit_test(delayed_frames_come_after_later_samples),
         cmocka_unit_test(reordered_frames_change_places_in_pairs),
