@@ -100,6 +100,9 @@ static void judge_outputs(const struct fv_health_facts *facts, struct fv_health 
         struct fv_health_part *publisher = part(health, "publisher");
         if (!facts->sends)
             spoil(publisher, FV_HEALTH_FAILED, "no message can be sent");
+        else if (facts->unsent > 0 && facts->sent_ns > facts->silence_ns)
+            spoil(publisher, FV_HEALTH_FAILED, "no message has left for %.1f s",
+                  1e-9 * (double)facts->sent_ns);
         else if (facts->unsent > 0)
             spoil(publisher, FV_HEALTH_DEGRADED, "%llu messages were not sent",
                   (unsigned long long)facts->unsent);

@@ -65,6 +65,7 @@ struct fv_health_facts {
     uint64_t late;         /* frames dropped since health was last sent */
     bool publishes, sends; /* messages are to be sent; a way to send them is open */
     uint64_t unsent;       /* messages dropped since */
+    int64_t sent_ns;       /* since a message was last sent */
     bool records, recording_ended;
     const char *unlocked; /* why the memory is not locked; "": it is, or was not to be */
 

@@ -97,7 +97,7 @@ void fv_run_health_open(struct fv_run *run)
     health->on = run->loop.real_time;
     health->root = root != NULL ? root : "";
     health->share = FV_HOST_SHARE_MAX;
-    health->picture_ns = health->inference_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    health->picture_ns = health->inference_ns = health->sent_ns = fv_clock_ns(CLOCK_MONOTONIC);
     health->stamp = fv_message_stamp(NULL, 0);
     fv_message_channel(run->settings.runtime.channel_prefix, FV_MESSAGE_HEALTH, health->channel);
     health->counted_ns = health->kept_ns = health->looked_ns = health->picture_ns;
@@ -170,6 +170,7 @@ static void facts_gather(struct fv_run *run, int64_t now_ns, struct fv_health_fa
         health->picture_ns = now_ns;
     health->dropped_now = atomic_load(&run->shared.dropped);
     health->unsent_now = counts.dropped;
+    if (risen(&health->sent, counts.sent) > 0) health->sent_ns = now_ns;
     if (risen(&health->inferences, atomic_load(&health->inferences_now)) > 0)
         health->inference_ns = now_ns;
     int64_t camera_silent_ns;
@@ -193,6 +194,7 @@ static void facts_gather(struct fv_run *run, int64_t now_ns, struct fv_health_fa
         .publishes = run->settings.lcm_url[0] != '\0',
         .sends = run->transport != NULL,
         .unsent = health->unsent_now - health->unsent,
+        .sent_ns = now_ns - health->sent_ns,
         .records = run->recorder != NULL || run->recordings.setup.path != NULL,
         .recording_ended = recording_ended(run),
         .unlocked = run->unlocked.text,

@@ -45,7 +45,8 @@ struct fv_run_health {
     int64_t image_ns[FOVEA_CAMERAS_MAX];          /* when they last changed */
     uint64_t dropped_now, unsent_now;             /* counts at the last look */
     uint64_t late, unsent;                        /* those that were last sent */
-    int64_t picture_ns, inference_ns;             /* when they last changed */
+    uint64_t sent;                                /* messages, as last seen */
+    int64_t picture_ns, inference_ns, sent_ns;    /* when they last changed */
     int64_t looked_ns, stood_ns; /* the last look; for how long the loop has not moved */
     int64_t told_ns;
     uint64_t takes_seen; /* `takes`, when it was last told */

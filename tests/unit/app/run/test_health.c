@@ -240,6 +240,10 @@ static void test_parts(void **state)
     facts = well();
     facts.unsent = 7;
     expect(&facts, "publisher", FV_HEALTH_DEGRADED, "7 messages were not sent");
+    facts.sent_ns = facts.silence_ns + 1;
+    expect(&facts, "publisher", FV_HEALTH_FAILED, "no message has left for 1.0 s");
+    facts.unsent = 0; /* none was to be sent */
+    expect(&facts, "publisher", FV_HEALTH_OK, "");
     facts.sends = false;
     expect(&facts, "publisher", FV_HEALTH_FAILED, "no message can be sent");
     facts = well();
