@@ -16,6 +16,7 @@ case ${1:-} in -*) set -- ;; esac
 [ $# -ge 2 ] && [ $# -le 4 ] || { sed -n '2,13s/^# //p' "$0" >&2; exit 2; }
 fail() { echo "tools/bisect_replay.sh: $*" >&2; exit 2; }
 [ -f "$1" ] || fail "$1: found no such file, expected a recording"
+[ "$(od -An -tx1 -N 4 "$1" | tr -d ' ')" = eda1da01 ] || fail "$1: byte 0: found no event of an LCM log, expected a recording"
 log=$(cd "$(dirname "$1")" && pwd)/$(basename "$1")
 message=$2
 cd "$(dirname "$0")/.."
