@@ -20,8 +20,8 @@ static void collect(void *context)
 {
     struct covarying *c = context;
     collect_parts(&c->o->map, &c->frame, c->parts);
-    c->variance = map_bend(&c->o->map, c->o->focal_px, &c->frame, 0.1) +
-                  unit_variance(&c->o->map, &c->frame);
+    c->variance =
+        map_bend(&c->o->map, c->o->focal_px, &c->frame, 0.1) + unit_variance(&c->o->map, &c->frame);
 }
 
 static void joint(void *context)
