@@ -172,21 +172,55 @@ static void what_is_suspected_is_looked_at_from_near(void **state)
     assert_true(arrives(&farthest) && farthest < 0.6 && planner.touches == 0);
 }
 
-/* More for an obstacle than for floor: suspected, also where the grid knows neither, as on floor
- * that something comes to. */
-static void what_speaks_for_an_obstacle_is_suspected(void **state)
+static enum navigate_kind kind_with(int8_t value, double time_s)
 {
-    static const enum navigate_kind kinds[] = {NAVIGATE_FREE,      NAVIGATE_UNKNOWN,
-                                               NAVIGATE_UNKNOWN,   NAVIGATE_SUSPECTED,
-                                               NAVIGATE_SUSPECTED, NAVIGATE_OCCUPIED};
-    static const int8_t values[] = {34, UNKNOWN, 50, 51, 88, 89};
+    fill(1.4, 1.5, 0, 0.1, value);
+    planner.now_s = time_s;
+    plan();
+    return (enum navigate_kind)planner.kind[navigate_cell(&planner, 1.45, 0.05)];
+}
+
+/* What more speaks for an obstacle than for floor is suspected for 3 s where floor was free: there
+ * something comes. Elsewhere, and later, it is as little known as before. */
+static void what_comes_to_free_floor_is_suspected(void **state)
+{
+    static const struct {
+        int8_t value;
+        enum navigate_kind before, after;
+    } cases[] = {
+        {34, NAVIGATE_FREE, NAVIGATE_FREE},           {50, NAVIGATE_UNKNOWN, NAVIGATE_UNKNOWN},
+        {51, NAVIGATE_UNKNOWN, NAVIGATE_SUSPECTED},   {65, NAVIGATE_UNKNOWN, NAVIGATE_SUSPECTED},
+        {66, NAVIGATE_SUSPECTED, NAVIGATE_SUSPECTED}, {89, NAVIGATE_OCCUPIED, NAVIGATE_OCCUPIED}};
     (void)state;
     for (int i = 0; i < 6; i++) {
-        begin(3, 0, FREE);
-        fill(1.4, 1.5, -5, 5, values[i]);
-        plan();
-        assert_int_equal(planner.kind[navigate_cell(&planner, 1.45, 0.05)], kinds[i]);
+        begin(3, 0, UNKNOWN);
+        assert_int_equal(kind_with(cases[i].value, 5), cases[i].before);
+        begin(3, 0, UNKNOWN);
+        assert_int_equal(kind_with(FREE, 5), NAVIGATE_FREE);
+        assert_int_equal(kind_with(cases[i].value, 7.9), cases[i].after);
+        if (cases[i].value != 34) assert_int_equal(kind_with(cases[i].value, 8.1), cases[i].before);
     }
+}
+
+/* The time goes with the cell while the grid's window moves, and not back into it. */
+static void a_cell_keeps_when_it_was_free(void **state)
+{
+    const double moved[2] = {origin[0] + 0.5, origin[1]}, far[2] = {origin[0] + 9, origin[1]};
+    (void)state;
+    begin(3, 0, UNKNOWN);
+    assert_int_equal(kind_with(FREE, 5), NAVIGATE_FREE);
+    memset(cells, 60, sizeof cells);
+    assert_true(navigate_plan(&planner, cells, SIDE, SIDE, 0.1, moved));
+    assert_int_equal(planner.kind[navigate_cell(&planner, 1.45, 0.05)], NAVIGATE_SUSPECTED);
+    assert_int_equal(planner.kind[navigate_cell(&planner, 1.95, 0.05)], NAVIGATE_UNKNOWN);
+    assert_true(navigate_plan(&planner, cells, SIDE, SIDE, 0.1, far));
+    assert_int_equal(navigate_cell(&planner, 1.45, 0.05), -1);
+    plan();
+    assert_int_equal(planner.kind[navigate_cell(&planner, 1.45, 0.05)], NAVIGATE_UNKNOWN);
+    begin(3, 0, UNKNOWN);
+    assert_int_equal(kind_with(FREE, 5), NAVIGATE_FREE);
+    navigate_forget(&planner); /* its frame is another */
+    assert_int_equal(kind_with(60, 6), NAVIGATE_UNKNOWN);
 }
 
 /* The gap between two suspected cells is too narrow, and a way round is 5 m longer: the robot takes
@@ -525,7 +559,8 @@ int main(void)
         cmocka_unit_test(a_gap_wider_than_the_robot_is_passed),
         cmocka_unit_test(a_gap_narrower_than_the_robot_is_not),
         cmocka_unit_test(what_is_suspected_is_looked_at_from_near),
-        cmocka_unit_test(what_speaks_for_an_obstacle_is_suspected),
+        cmocka_unit_test(what_comes_to_free_floor_is_suspected),
+        cmocka_unit_test(a_cell_keeps_when_it_was_free),
         cmocka_unit_test(a_free_way_is_preferred_to_a_suspected_one),
         cmocka_unit_test(it_can_stop_within_what_is_free),
         cmocka_unit_test(what_stays_too_narrow_is_given_up),

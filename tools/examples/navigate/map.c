@@ -10,7 +10,8 @@ static const double wide_m = 0.6, near_price = 8, unknown_price = 3, suspect_pri
 /* What of the robot's edge a touch may be at, to either side of ahead, and how deep it is taken to
  * be. */
 static const double touch_rad = 1.2, touch_deep_m = 0.1;
-enum { FREE_BELOW = 35, SUSPECTED_ABOVE = 50, OCCUPIED_ABOVE = 88 };
+static const double come_s = 3; /* what may move is forgotten within */
+enum { FREE_BELOW = 35, COME_ABOVE = 50, SUSPECTED_ABOVE = 65, OCCUPIED_ABOVE = 88 };
 
 static void lower(float *to, float from)
 {
@@ -109,16 +110,23 @@ void navigate_map_touches(struct navigate *n)
     find_gaps(n, NAVIGATE_OCCUPIED, n->hold);
 }
 
-static enum navigate_kind kind_of(int8_t value)
+/* Between both what more speaks for an obstacle than for floor is suspected only where floor was
+ * free so short a time ago that something may have come to it; elsewhere it is the edge of what was
+ * seen from afar. */
+static enum navigate_kind kind_of(int8_t value, double free_for_s)
 {
     if (value > OCCUPIED_ABOVE) return NAVIGATE_OCCUPIED;
     if (value > SUSPECTED_ABOVE) return NAVIGATE_SUSPECTED;
+    if (value > COME_ABOVE && free_for_s < come_s) return NAVIGATE_SUSPECTED;
     return value >= 0 && value < FREE_BELOW ? NAVIGATE_FREE : NAVIGATE_UNKNOWN;
 }
 
 void navigate_map(struct navigate *n, const int8_t *cells)
 {
-    for (int32_t i = 0; i < n->width * n->height; i++)
-        n->kind[i] = (uint8_t)kind_of(cells[i]);
+    for (int32_t i = 0; i < n->width * n->height; i++) {
+        double *free_s = &n->free_s[navigate_field(n, i)];
+        n->kind[i] = (uint8_t)kind_of(cells[i], n->now_s - *free_s);
+        if (n->kind[i] == NAVIGATE_FREE) *free_s = n->now_s;
+    }
     navigate_map_touches(n);
 }

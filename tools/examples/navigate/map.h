@@ -15,6 +15,8 @@ double navigate_middle(const struct navigate *n, int32_t cell, int axis);
 /* To [-pi, pi]. */
 double navigate_turned(double angle);
 
+/* Where the search has a cell of the grid: at one place, wherever the grid's window goes. */
+int32_t navigate_field(const struct navigate *n, int32_t cell);
 void navigate_map(struct navigate *n, const int8_t *cells);
 /* Mark what was touched of late, and find the gaps anew. */
 void navigate_map_touches(struct navigate *n);

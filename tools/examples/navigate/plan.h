@@ -21,8 +21,8 @@ enum {
     NAVIGATE_TOUCHES_MAX = 16
 };
 
-/* In ascending order of danger. Suspected: more speaks for an obstacle than for floor. It was seen
- * once or twice, from afar, and may be in a cell beside this one; or comes to what was free. */
+/* In ascending order of danger. Suspected: an obstacle was seen once or twice, from afar, and may
+ * be in a cell beside this one; or something seems to come to what was free. */
 enum navigate_kind { NAVIGATE_FREE, NAVIGATE_UNKNOWN, NAVIGATE_SUSPECTED, NAVIGATE_OCCUPIED };
 
 struct navigate_robot {
@@ -49,7 +49,9 @@ struct navigate {
     float hold[NAVIGATE_CELLS_MAX];   /* m to the nearest cell that is occupied */
     struct dstar ways;                /* the search over these cells */
     int32_t corner[2];                /* where the search has the grid's first cell */
-    bool begun;                       /* the next grid may go on where the last was */
+    double
+        free_s[DSTAR_SIDE * DSTAR_SIDE]; /* when a cell, where the search has it, was last free */
+    bool begun;                          /* the next grid may go on where the last was */
     /* What it was asked for at the last step, and what came of it: the way that it should have gone
      * since it was at `stood`. */
     struct navigate_motion asked;

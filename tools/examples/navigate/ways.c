@@ -14,8 +14,7 @@ static int32_t wrapped(int32_t k)
     return (k % DSTAR_SIDE + DSTAR_SIDE) % DSTAR_SIDE;
 }
 
-/* Where the search has a cell of the grid: at one place, wherever the grid's window goes. */
-static int32_t field_of(const struct navigate *n, int32_t cell)
+int32_t navigate_field(const struct navigate *n, int32_t cell)
 {
     return wrapped(n->corner[1] + cell / n->width) * DSTAR_SIDE +
            wrapped(n->corner[0] + cell % n->width);
@@ -23,7 +22,7 @@ static int32_t field_of(const struct navigate *n, int32_t cell)
 
 static int64_t cost_of(const struct navigate *n, int32_t cell)
 {
-    return n->ways.g[field_of(n, cell)];
+    return n->ways.g[navigate_field(n, cell)];
 }
 
 /* ---- the window ------------------------------------------------------------------------------ */
@@ -47,7 +46,9 @@ static void leave(struct navigate *n, const int32_t by[2])
     for (int32_t i = 0; i < n->width * n->height; i++) {
         const int32_t x = i % n->width - by[0], y = i / n->width - by[1];
         if (x < 0 || y < 0 || x >= n->width || y >= n->height)
-            dstar_change(&n->ways, field_of(n, i), DSTAR_CLOSED, DSTAR_NO_WAY);
+            dstar_change(&n->ways, navigate_field(n, i), DSTAR_CLOSED, DSTAR_NO_WAY);
+        if (x < 0 || y < 0 || x >= n->width || y >= n->height)
+            n->free_s[navigate_field(n, i)] = -1e9;
     }
 }
 
@@ -66,7 +67,9 @@ void navigate_ways_move(struct navigate *n, int32_t width, int32_t height, doubl
     }
     if (goes) return;
     const int32_t middle = height / 2 * width + width / 2; /* where the robot should be */
-    dstar_begin(&n->ways, field_of(n, middle), (int32_t)lround(cell_m / unit_m));
+    dstar_begin(&n->ways, navigate_field(n, middle), (int32_t)lround(cell_m / unit_m));
+    for (int32_t i = 0; i < DSTAR_SIDE * DSTAR_SIDE; i++)
+        n->free_s[i] = -1e9;
     n->begun = true;
 }
 
@@ -77,7 +80,7 @@ void navigate_ways_change(struct navigate *n)
     const int32_t goal = navigate_cell(n, n->goal[0], n->goal[1]);
     for (int32_t i = 0; i < n->width * n->height; i++) {
         const double exit_m = navigate_exit(n, i, goal);
-        dstar_change(&n->ways, field_of(n, i),
+        dstar_change(&n->ways, navigate_field(n, i),
                      (int32_t)(navigate_price(n, i) * n->cell_m / unit_m + 0.5),
                      exit_m < 0 ? DSTAR_NO_WAY : (int64_t)(fmin(exit_m, exit_m_most) / unit_m));
     }
@@ -119,7 +122,8 @@ bool navigate_ways_ahead(struct navigate *n, const double position[2], double lo
 {
     const int32_t near = (int32_t)ceil(look_m / n->cell_m), far = (int32_t)ceil(far_m / n->cell_m);
     const int32_t first = navigate_cell(n, position[0], position[1]);
-    if (first < 0 || dstar_find(&n->ways, field_of(n, first), far) >= DSTAR_NO_WAY) return false;
+    if (first < 0 || dstar_find(&n->ways, navigate_field(n, first), far) >= DSTAR_NO_WAY)
+        return false;
     int32_t cell = first;
     for (int32_t step = 1; step <= far; step++) {
         cell = step_down(n, cell);
