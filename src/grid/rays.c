@@ -158,13 +158,14 @@ static void end_ray(struct fv_grid *g, const struct fv_grid_look *look, const st
 static void mark_hidden(struct fv_grid *g, const struct fv_grid_look *look, const struct ray *ray,
                         int32_t *lookups)
 {
+    const uint8_t half = FV_GRID_MARK_OCCUPIED / 2 + 1; /* of the evidence, and it may move */
     const double wide_m = 0.3, least = g->config.robot_radius_m;
     const int32_t begin = g->state->begin,
                   count = (int32_t)(wide_m * FV_GRID_RAY_STEPS / g->config.resolution_m);
     for (int32_t i = begin > count ? begin - count : 0; i < begin; i++) {
         const double dx = look->from[0] + ray->x * i - g->state->position_m[0],
                      dy = look->from[1] + ray->y * i - g->state->position_m[1];
-        if (dx * dx + dy * dy > least * least) mark_step(g, look, ray, i, FV_GRID_MARK_EIGHTHS + 1);
+        if (dx * dx + dy * dy > least * least) mark_step(g, look, ray, i, half);
         --*lookups;
     }
 }

@@ -1,8 +1,6 @@
 /* What another focal length adds to the covariance of a pose: see covariance_lens.h. */
 #include "odometry/covariance_lens.h"
 
-#include <string.h>
-
 #include "geometry/se3.h"
 #include "odometry/lens.h"
 #include "odometry/odometry.h"

@@ -49,6 +49,16 @@ static inline void grid_mask_make(const uint8_t *pixels, int32_t width, int32_t 
     assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
 }
 
+/* The mask as a camera sees it that looks ahead from over the origin, tilted down. */
+static inline struct fovea_grid_view grid_mask_view(double height_m, double tilt_rad)
+{
+    const double s = sin(tilt_rad), c = cos(tilt_rad);
+    return (struct fovea_grid_view){.seen = &seen,
+                                    .labels = labels,
+                                    .camera = &camera,
+                                    .T_odom_cam = {0, -s, c, 0, -1, 0, 0, 0, 0, -c, -s, height_m}};
+}
+
 /* Percent of the cell that holds a point; -2: outside. */
 static inline int grid_mask_cell(const int8_t *cells, const struct fovea_grid_place *place,
                                  double x_m, double y_m)

@@ -28,6 +28,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
+#include "app/run/health.h"
 #include "common/datasets.h"
 #include "common/own_network.h"
 #include "common/program.h"
@@ -288,9 +289,33 @@ static bool stays_silent(int heard)
     return silent == 20;
 }
 
+/* Until a message of the run's health, which its feed gives without a network, says this of the
+ * part that sends. */
+static void expect_publisher(const char *socket_path, enum fv_health_state state)
+{
+    const char *const words[] = {"echo",      "--feed", socket_path,    "--count", "1",
+                                 "--timeout", "10",     "FOVEA_HEALTH", NULL};
+    char wanted[64], said[4096], path[512];
+    snprintf(wanted, sizeof wanted, "\"publisher\", \"state\": %d", (int)state);
+    snprintf(path, sizeof path, "%s/health", folder);
+    for (int s = 0; s < PROGRAM_PATIENCE_S; s++) {
+        const int out = open(path, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+        assert_true(out >= 0);
+        program_expect_end(program_begin(words, out, NULL, NULL), FV_EXIT_OK);
+        const ssize_t bytes = pread(out, said, sizeof said - 1, 0);
+        close(out);
+        said[bytes > 0 ? bytes : 0] = '\0';
+        if (strstr(said, wanted) != NULL) return;
+    }
+    fail_msg("expected %s, found %s", wanted, said);
+}
+
 static void a_network_that_comes_and_goes_is_used_while_it_is_there(void **state)
 {
-    static const char *const words[] = {BY_THE_CLOCK, NULL};
+    char feed[512], key[600];
+    snprintf(feed, sizeof feed, "%s/feed", folder);
+    snprintf(key, sizeof key, "web.socket=%s", feed);
+    const char *const words[] = {BY_THE_CLOCK, "--set", key, NULL};
     int ends[2];
     uint8_t done = 0;
     (void)state;
@@ -303,11 +328,14 @@ static void a_network_that_comes_and_goes_is_used_while_it_is_there(void **state
         skip();
     }
     program_wait_until_said("no LCM messages until there is a route");
+    expect_publisher(feed, FV_HEALTH_FAILED);
     assert_true(own_network_mend());
     const int heard = listen_to_group();
     assert_true(comes(heard));
+    expect_publisher(feed, FV_HEALTH_OK);
     assert_int_equal(system("ip link set lo down"), 0);
     assert_true(stays_silent(heard));
+    expect_publisher(feed, FV_HEALTH_FAILED);
     assert_true(own_network_mend());
     assert_true(comes(heard));
     close(heard);

@@ -52,12 +52,8 @@ static void look_at(const struct band *band, double least, const uint8_t *sure)
     memset(mask + (size_t)far * W, band->label, (size_t)(near - far + 1) * W);
     seen.confidence = sure;
     for (int i = 0; i < 5; i++) {
-        const struct fovea_grid_view view = {.stamp_ns = i * INT64_C(100000000),
-                                             .seen = &seen,
-                                             .labels = labels,
-                                             .camera = &camera,
-                                             .T_odom_cam = {0, -sin(tilt), cos(tilt), 0, -1, 0, 0,
-                                                            0, 0, -cos(tilt), -sin(tilt), height}};
+        struct fovea_grid_view view = grid_mask_view(height, tilt);
+        view.stamp_ns = i * INT64_C(100000000);
         assert_int_equal(fovea_grid_update(grid, &view), FOVEA_OK);
     }
     seen.confidence = NULL;

@@ -29,11 +29,7 @@ static int setup(void **state)
     make_grid();
     grid_mask_make(mask, W, H, 2, 200);
     memset(confidence, SURE, sizeof confidence);
-    view = (struct fovea_grid_view){.seen = &seen,
-                                    .labels = labels,
-                                    .camera = &camera,
-                                    .T_odom_cam = {0, -sin(tilt), cos(tilt), 0, -1, 0, 0, 0, 0,
-                                                   -cos(tilt), -sin(tilt), height}};
+    view = grid_mask_view(height, tilt);
     return 0;
 }
 

@@ -34,11 +34,7 @@ static int setup(void **state)
     (void)state;
     make(0.2);
     grid_mask_make(mask, W, H, 2, 200);
-    view = (struct fovea_grid_view){.seen = &seen,
-                                    .labels = labels,
-                                    .camera = &camera,
-                                    .T_odom_cam = {0, -sin(tilt), cos(tilt), 0, -1, 0, 0, 0, 0,
-                                                   -cos(tilt), -sin(tilt), height}};
+    view = grid_mask_view(height, tilt);
     return 0;
 }
 

@@ -110,9 +110,9 @@ void navigate_map_touches(struct navigate *n)
     find_gaps(n, NAVIGATE_OCCUPIED, n->hold);
 }
 
-/* Between both what more speaks for an obstacle than for floor is suspected only where floor was
- * free so short a time ago that something may have come to it; elsewhere it is the edge of what was
- * seen from afar. */
+/* What speaks for an obstacle rather than for floor, but weakly, is suspected only where floor was
+ * free so short a time ago that something may have come to it; elsewhere it is mostly the edge of
+ * what was seen from afar. */
 static enum navigate_kind kind_of(int8_t value, double free_for_s)
 {
     if (value > OCCUPIED_ABOVE) return NAVIGATE_OCCUPIED;

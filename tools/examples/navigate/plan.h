@@ -49,9 +49,9 @@ struct navigate {
     float hold[NAVIGATE_CELLS_MAX];   /* m to the nearest cell that is occupied */
     struct dstar ways;                /* the search over these cells */
     int32_t corner[2];                /* where the search has the grid's first cell */
-    double
-        free_s[DSTAR_SIDE * DSTAR_SIDE]; /* when a cell, where the search has it, was last free */
-    bool begun;                          /* the next grid may go on where the last was */
+    bool begun;                       /* the next grid may go on where the last was */
+    /* When each cell was last free, where the search has it. */
+    double free_s[DSTAR_SIDE * DSTAR_SIDE];
     /* What it was asked for at the last step, and what came of it: the way that it should have gone
      * since it was at `stood`. */
     struct navigate_motion asked;

@@ -5,7 +5,8 @@
 
 #include "map.h"
 
-static const double unit_m = 1e-6;      /* of the search's costs: so much of free floor */
+static const double unit_m = 1e-6; /* of the search's costs: so much of free floor */
+static const double never_s = -1e9;
 static const double exit_m_most = 1e12; /* wherever the goal is */
 static const double off_most = 1e-3;    /* cells that two grids of the same cells may lie apart */
 
@@ -40,15 +41,14 @@ static bool goes_on(const struct navigate *n, double cell_m, const double origin
     return true;
 }
 
-/* Close the cells that the window leaves. */
+/* Close and forget the cells that the window leaves. */
 static void leave(struct navigate *n, const int32_t by[2])
 {
     for (int32_t i = 0; i < n->width * n->height; i++) {
         const int32_t x = i % n->width - by[0], y = i / n->width - by[1];
-        if (x < 0 || y < 0 || x >= n->width || y >= n->height)
-            dstar_change(&n->ways, navigate_field(n, i), DSTAR_CLOSED, DSTAR_NO_WAY);
-        if (x < 0 || y < 0 || x >= n->width || y >= n->height)
-            n->free_s[navigate_field(n, i)] = -1e9;
+        if (x >= 0 && y >= 0 && x < n->width && y < n->height) continue;
+        dstar_change(&n->ways, navigate_field(n, i), DSTAR_CLOSED, DSTAR_NO_WAY);
+        n->free_s[navigate_field(n, i)] = never_s;
     }
 }
 
@@ -69,7 +69,7 @@ void navigate_ways_move(struct navigate *n, int32_t width, int32_t height, doubl
     const int32_t middle = height / 2 * width + width / 2; /* where the robot should be */
     dstar_begin(&n->ways, navigate_field(n, middle), (int32_t)lround(cell_m / unit_m));
     for (int32_t i = 0; i < DSTAR_SIDE * DSTAR_SIDE; i++)
-        n->free_s[i] = -1e9;
+        n->free_s[i] = never_s;
     n->begun = true;
 }
 
