@@ -252,7 +252,7 @@ static void a_camera_that_is_silent_leaves_the_other_alone(void **state)
     await(source, true);
     ops->counts(source, &counts);
     assert_true(counts.delivered > 0 && counts.recovered >= 1);
-    assert_int_equal(ops->state(source), FOVEA_SOURCE_OK);
+    assert_true(ops->state(source) <= FOVEA_SOURCE_LATE); /* another may take the processor now */
     close_pair(source);
 }
 
