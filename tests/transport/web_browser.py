@@ -2,6 +2,7 @@
 
 The arguments are those of the program: BUILD FOLDER.
 """
+import atexit
 import importlib.util
 import os
 import signal
@@ -28,11 +29,18 @@ def reader():
     return module("..", "..", "tools", "subscribers", "read_recording")
 
 
+def begin(words, **more):
+    """A program that does not outlive this one, whatever this one ends by but a kill."""
+    process = subprocess.Popen(words, **more)
+    atexit.register(process.kill)
+    return process
+
+
 def run(*more):
     """A run whose frames are few and half as full of features: drawing by the processor alone is what costs here."""
     words = [os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5", "--rate", "real", "--quiet", "--picture",
              "none", "--model", "src/detect/shipped.fvm", "--set", "features.count_max=500", "--set", "map_every=2", "--set", "record_buffer=200", "--set", "web.socket=" + os.path.join(folder, "feed"), *more]
-    return subprocess.Popen(words, env={**os.environ, "FOVEA_SYS_ROOT": heat()})
+    return begin(words, env={**os.environ, "FOVEA_SYS_ROOT": heat()})
 
 
 def heat():
@@ -52,7 +60,7 @@ def end(process):
 
 def web(*more):
     feed = () if more and more[0] in ("--play", "--feed") else ("--feed", os.path.join(folder, "feed"))
-    return subprocess.Popen([os.path.join(build, "fovea-web"), *feed, *more])
+    return begin([os.path.join(build, "fovea-web"), *feed, *more])
 
 
 def until_served():

@@ -11,13 +11,13 @@ from xml.etree import ElementTree
 
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
-from web_browser import (ADDRESS, PATIENCE_S, Page, build, check_accessible, check_against_recording, check_box, check_console, end, folder, here, reader, run, until_served, web)
+from web_browser import (ADDRESS, PATIENCE_S, Page, begin, build, check_accessible, check_against_recording, check_box, check_console, end, folder, here, reader, run, until_served, web)
 from web_robots import check_robots
 
 
 TALL = 2400  # pixels of a window that shows all plots and the view in three dimensions
 
-# Pixels of the view in three dimensions, drawn now, and where a place of the path is on it.
+# Pixels of the view in three dimensions, drawn now, and where a place of the path is on it, for a page whose run has a pose (look).
 LOOK = """
     const look = (space) => {
       space.draw();
@@ -35,6 +35,12 @@ LOOK = """
       return [(p.x + 1) / 2 * space.canvas.width, (1 - p.y) / 2 * space.canvas.height];
     };
 """
+
+
+def look(page, text, *arguments):
+    """What a script finds that begins with LOOK. A run that lacks the processor may be lost for some frames: its next pose is waited for."""
+    page.until("fovea.scene.pose", "a pose")
+    return page.js(LOOK + text, *arguments)
 
 
 def check_load(page):
@@ -146,7 +152,7 @@ def check_health(page):
 def check_path(page):
     page.until("fovea.scene.path.count > 10 && fovea.scene.landmarks.size > 50 && fovea.scene.keyframes.size > 2",
                "a path and a map")
-    found = page.js(LOOK + """
+    found = look(page, """
         const { space, scene } = fovea, { places, count } = scene.path, shown = { ...space.shown };
         // Another place of the map than that of the run, whose is often the same.
         scene.pose = { ...scene.pose, map_scale: 1.5, map_position: [0.2, -0.1, 0.3], map_orientation: [0.8, 0, 0.6, 0] };
@@ -227,7 +233,7 @@ def check_commands(page):
 
 def check_layers(page):
     """A mask and a grid of known cells are drawn where they say; no network of the simulated run makes any."""
-    found = page.js(LOOK + """
+    found = look(page, """
         const { live, scene } = fovea, classes = [0, 255].map((red, i) => ({ class_id: i, class_name: ["floor", "wall"][i], red, green: 255 - red, blue: 0, fraction: 0.5 }));
         const layers = { ...live.layers };
         for (const layer in live.layers) live.layers[layer] = layer === "classes";
@@ -506,7 +512,7 @@ def check_playback(recording):
         cut = os.path.join(folder, "cut.lcm")
         with open(cut, "wb") as file:
             file.write(data[:len(data) * 2 // 3])
-        server = subprocess.Popen([os.path.join(build, "fovea-web"), "--play", cut], stderr=subprocess.PIPE, text=True)
+        server = begin([os.path.join(build, "fovea-web"), "--play", cut], stderr=subprocess.PIPE, text=True)
         lines = [server.stderr.readline() for _ in range(2)]
         assert lines[0].startswith("fovea-web: " + cut + ": byte ") and lines[0].endswith("; it is played up to there\n"), lines
         end(server)
@@ -572,8 +578,6 @@ def main():
         check_robots()
     finally:
         Page.quit()
-        for process in (robot, server):
-            process.kill()
 
 
 main()

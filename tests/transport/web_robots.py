@@ -4,7 +4,7 @@ import os
 import subprocess
 
 from selenium.webdriver.common.by import By
-from web_browser import ADDRESS, Page, build, check_accessible, check_box, check_console, end, folder, module, run, until_served, web
+from web_browser import ADDRESS, Page, begin, build, check_accessible, check_box, check_console, end, folder, module, run, until_served, web
 
 
 def check_blinks(page):
@@ -30,72 +30,68 @@ def check_robots():
     small = os.path.join(folder, "small.sock")
 
     def small_run(more):
-        return subprocess.Popen([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240" + more, "--rate",
+        return begin([os.path.join(build, "fovea"), "run", "--source", "sim:orbit?frames=1000000&rate=5&width=320&height=240" + more, "--rate",
                                  "real", "--quiet", "--picture", "none", "--set", "channel_prefix=SMALL", "--set", "web.socket=" + small, "--set", "features.count_max=500", "--set", "preview.cameras=4", "--set", "preview.period_frames=2", "--set", "preview.level=0"])
 
     robots = [run("--set", "preview.level=1", "--set", "preview.period_frames=3"), small_run("&baseline=0.1")]
     blink = os.path.join(folder, "light.sock")
-    robots.append(subprocess.Popen([os.path.join(build, "tests", "campaign", "blinks"), blink], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL))
-    server, page = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--feed", blink, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
-                       "--prefix", "SILENT", "--prefix", "SMALL"), None
-    try:
-        until_served()
-        page = Page()
-        page.driver.get(ADDRESS)
-        said = "[...document.getElementById('robot-choice').options].map((option) => option.text).join(', ')"
-        page.until(f"globalThis.fovea && {said} === 'feed: tracking, small: tracking, light: no pose yet, FOVEA: tracking, SILENT: no run, SMALL: tracking'", "what the robots do")
+    robots.append(begin([os.path.join(build, "tests", "campaign", "blinks"), blink], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL))
+    server = web("--feed", os.path.join(folder, "feed"), "--feed", small, "--feed", blink, "--lcm", "udpm://239.255.76.67:7667", "--prefix", "FOVEA",
+                 "--prefix", "SILENT", "--prefix", "SMALL")
+    until_served()
+    page = Page()
+    page.driver.get(ADDRESS)
+    said = "[...document.getElementById('robot-choice').options].map((option) => option.text).join(', ')"
+    page.until(f"globalThis.fovea && {said} === 'feed: tracking, small: tracking, light: no pose yet, FOVEA: tracking, SILENT: no run, SMALL: tracking'", "what the robots do")
 
-        def choose(name):
-            page.js("const choice = document.getElementById('robot-choice'), wanted = arguments[0] + ':';"
-                    "choice.selectedIndex = [...choice.options].findIndex((option) => option.text.startsWith(wanted));"
-                    "choice.dispatchEvent(new Event('change'))", name)
+    def choose(name):
+        page.js("const choice = document.getElementById('robot-choice'), wanted = arguments[0] + ':';"
+                "choice.selectedIndex = [...choice.options].findIndex((option) => option.text.startsWith(wanted));"
+                "choice.dispatchEvent(new Event('change'))", name)
 
-        page.until("fovea.live.picture && fovea.live.picture.width === 640", "a picture of the first robot")
-        choose("small")
-        page.until("fovea.live.picture && fovea.live.picture.width === 320", "a picture of the second robot")
-        page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").click()
-        page.until("document.getElementById('answer').textContent === 'pause: done'", "the answer of the second robot")
-        page.until(f"{said} === 'feed: tracking, small: paused, light: no pose yet, FOVEA: tracking, SILENT: no run, SMALL: paused'", "the pause of the second robot alone")
-        check_cameras(page)
-        page.driver.find_element(By.CSS_SELECTOR, "[data-command=resume]").click()
-        page.until("document.getElementById('answer').textContent === 'resume: done'", "that the second robot goes on")
-        choose("SMALL")
-        page.until("document.getElementById('link').textContent === 'live, preview rate only' && fovea.live.picture && fovea.live.picture.width === 320",
-                   "a preview of the second robot")
-        check_cameras(page)
-        choose("small")
-        page.until("document.getElementById('link').textContent === 'live' && fovea.live.picture", "the frames of the second robot again")
-        check_accessible(page)
-        end(robots[1])
-        robots[1] = small_run("")
-        page.until("document.getElementById('camera-choice').hidden && fovea.live.camera === 0 && fovea.live.picture",
-                   "a picture of the one camera that the next run has")
-        choose("light")
-        check_blinks(page)
-        choose("FOVEA")
-        page.until("document.getElementById('link').textContent === 'live, preview rate only' && fovea.live.picture"
-                   " && document.getElementById('state').dataset.state === 'tracking'", "a preview")
-        assert page.js("return fovea.live.picture.width === 640 && fovea.live.picture.height === 480")
-        first = page.js("return fovea.live.picture.sequence")
-        page.until(f"fovea.live.picture.sequence > {first + 6}", "previews that follow")
-        found = check_box(page)
-        assert found["box"]["x_max_px"] <= 640
-        assert page.js("return document.getElementById('actions').hidden")
-        assert page.driver.current_url == ADDRESS + "#robot=FOVEA"
-        page.driver.refresh()
-        page.until("globalThis.fovea && document.getElementById('link').textContent === 'live, preview rate only'", "the same robot again")
-        if os.environ.get("FOVEA_SCREENSHOTS"):
-            page.js("scrollTo(0, 0)")
-            page.driver.save_screenshot(os.path.join(os.environ["FOVEA_SCREENSHOTS"], "page-robots.png"))
-        choose("SILENT")
-        page.until("document.getElementById('link').textContent === 'no run'", "the silent robot")
-        choose("FOVEA")
-        end(robots[0])
-        page.until("document.getElementById('link').textContent === 'no run'", "the silence of the robot")
-        check_console(page)
-        page.close()
-        end(robots[1])
-        end(server)
-    finally:
-        for process in (*robots, server):
-            process.kill()
+    page.until("fovea.live.picture && fovea.live.picture.width === 640", "a picture of the first robot")
+    choose("small")
+    page.until("fovea.live.picture && fovea.live.picture.width === 320", "a picture of the second robot")
+    page.driver.find_element(By.CSS_SELECTOR, "[data-command=pause]").click()
+    page.until("document.getElementById('answer').textContent === 'pause: done'", "the answer of the second robot")
+    page.until(f"{said} === 'feed: tracking, small: paused, light: no pose yet, FOVEA: tracking, SILENT: no run, SMALL: paused'", "the pause of the second robot alone")
+    check_cameras(page)
+    page.driver.find_element(By.CSS_SELECTOR, "[data-command=resume]").click()
+    page.until("document.getElementById('answer').textContent === 'resume: done'", "that the second robot goes on")
+    choose("SMALL")
+    page.until("document.getElementById('link').textContent === 'live, preview rate only' && fovea.live.picture && fovea.live.picture.width === 320",
+               "a preview of the second robot")
+    check_cameras(page)
+    choose("small")
+    page.until("document.getElementById('link').textContent === 'live' && fovea.live.picture", "the frames of the second robot again")
+    check_accessible(page)
+    end(robots[1])
+    robots[1] = small_run("")
+    page.until("document.getElementById('camera-choice').hidden && fovea.live.camera === 0 && fovea.live.picture",
+               "a picture of the one camera that the next run has")
+    choose("light")
+    check_blinks(page)
+    choose("FOVEA")
+    page.until("document.getElementById('link').textContent === 'live, preview rate only' && fovea.live.picture"
+               " && document.getElementById('state').dataset.state === 'tracking'", "a preview")
+    assert page.js("return fovea.live.picture.width === 640 && fovea.live.picture.height === 480")
+    first = page.js("return fovea.live.picture.sequence")
+    page.until(f"fovea.live.picture.sequence > {first + 6}", "previews that follow")
+    found = check_box(page)
+    assert found["box"]["x_max_px"] <= 640
+    assert page.js("return document.getElementById('actions').hidden")
+    assert page.driver.current_url == ADDRESS + "#robot=FOVEA"
+    page.driver.refresh()
+    page.until("globalThis.fovea && document.getElementById('link').textContent === 'live, preview rate only'", "the same robot again")
+    if os.environ.get("FOVEA_SCREENSHOTS"):
+        page.js("scrollTo(0, 0)")
+        page.driver.save_screenshot(os.path.join(os.environ["FOVEA_SCREENSHOTS"], "page-robots.png"))
+    choose("SILENT")
+    page.until("document.getElementById('link').textContent === 'no run'", "the silent robot")
+    choose("FOVEA")
+    end(robots[0])
+    page.until("document.getElementById('link').textContent === 'no run'", "the silence of the robot")
+    check_console(page)
+    page.close()
+    end(robots[1])
+    end(server)
