@@ -113,7 +113,7 @@ struct fv_run {
 
 /* run_files.c, in this order. Before the source is opened: no output is another's, or one of the
  * files that the settings name, and the map can be saved. FOVEA_ERROR_INPUT says which. */
-enum fovea_status fv_run_files_apart(const struct fv_run *run, struct fovea_error *error);
+enum fovea_status fv_run_files_apart(struct fv_run *run, struct fovea_error *error);
 /* Whether all outputs can be written; said before an hour's run, and before any file is replaced.
  * Complaints go to stderr. */
 enum fv_exit fv_run_files_check(const struct fv_run *run);

@@ -95,7 +95,29 @@ static enum fovea_status loaded_apart(const struct fv_run *run, const struct fv_
     return maps_apart(maps, loaded, error);
 }
 
-enum fovea_status fv_run_files_apart(const struct fv_run *run, struct fovea_error *error)
+/* The picture that nobody asked for is left out where it would be in the way. */
+static void leave_picture_out(struct fv_run *run, const struct fovea_error *reason)
+{
+    fv_say("fovea run: no picture is drawn: %s", reason->text);
+    run->picture_path = "none";
+}
+
+static const struct fv_file unasked_picture[] = {{"the picture", FV_RUN_PICTURE_FILE}, {0}};
+
+static bool picture_is_unasked(const struct fv_run *run)
+{
+    return run->picture_path == NULL && fv_run_draws(run);
+}
+
+static void picture_apart(struct fv_run *run, const struct fv_file *const others[], int lists)
+{
+    struct fovea_error error;
+    for (int i = 0; i < lists && picture_is_unasked(run); i++)
+        if (fv_files_apart(unasked_picture, others[i], &error) != FOVEA_OK)
+            leave_picture_out(run, &error);
+}
+
+enum fovea_status fv_run_files_apart(struct fv_run *run, struct fovea_error *error)
 {
     struct written written, saved = {0};
     const char *address = strchr(run->settings.source, ':');
@@ -119,24 +141,22 @@ enum fovea_status fv_run_files_apart(const struct fv_run *run, struct fovea_erro
     if (status == FOVEA_OK) status = fv_files_apart(written.files, saved.files, error);
     if (status == FOVEA_OK) status = maps_apart(saved.files, read, error);
     if (status == FOVEA_OK) status = loaded_apart(run, written.files, saved.files, error);
+    if (status == FOVEA_OK)
+        picture_apart(run, (const struct fv_file *const[]){written.files, saved.files, read}, 3);
     if (status != FOVEA_OK || run->settings.map_save[0] == '\0') return status;
     status = fv_map_file_probe(run->settings.map_save, error);
     if (status != FOVEA_OK) fv_settings_blame(&run->settings, "map.save", error);
     return status;
 }
 
-/* The picture that nobody asked for is left out where it would be in the way. */
-static void picture_unasked(struct fv_run *run)
+static void picture_apart_from_source(struct fv_run *run)
 {
-    const struct fv_file written[] = {{"the picture", FV_RUN_PICTURE_FILE}, {0}};
     struct fovea_error error;
     struct fv_files_watch watch;
-    if (run->picture_path != NULL) return;
-    fv_files_watch(&watch, written, "--source", &error);
+    if (!picture_is_unasked(run)) return;
+    fv_files_watch(&watch, unasked_picture, "--source", &error);
     run->setup.ops->reads(run->setup.source, fv_files_visit, &watch);
-    if (watch.status == FOVEA_OK) return;
-    fv_say("fovea run: no picture is drawn: %s", error.text);
-    run->picture_path = "none";
+    if (watch.status != FOVEA_OK) leave_picture_out(run, &error);
 }
 
 static enum fovea_status pictures_named(const struct written *written, struct fovea_error *error)
@@ -155,7 +175,7 @@ enum fovea_status fv_run_files_source(struct fv_run *run, struct fovea_error *er
     struct written written;
     struct fv_files_watch watch;
     char added[FV_SETTINGS_PATH_BYTES + 2];
-    if (run->setup.ops->reads != NULL) picture_unasked(run);
+    if (run->setup.ops->reads != NULL) picture_apart_from_source(run);
     const int count = list_written(run, &written);
     if (run->setup.ops->reads == NULL) return pictures_named(&written, error);
     list_maps(run, &written, count);

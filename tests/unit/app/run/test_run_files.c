@@ -20,11 +20,12 @@
 #include "base/hash.h"
 #include "common/datasets.h"
 
-enum { TEXT_MAX = 4096, FILES_MAX = 128, SECONDS_MAX = 60 };
+enum { TEXT_MAX = 4096, FILES_MAX = 160, SECONDS_MAX = 60 };
 
 static char *const folder = fv_test_place;
 static char line[TEXT_MAX];
 static const char *settings[5]; /* more of them for the next run, up to NULL */
+static bool loud;               /* the next run: not --quiet, so it draws a picture unasked */
 
 /* Run `fovea run` in a process of its own; what it says on stderr is in `line`. */
 static int run(const char *source, const char *option, const char *path)
@@ -34,10 +35,10 @@ static int run(const char *source, const char *option, const char *path)
     fflush(NULL);
     const pid_t child = fork();
     if (child == 0) {
-        const char *words[24] = {"fovea",    "run",    "--source", source,     "--quiet",
-                                 "--camera", "camera", "--set",    "lcm_url=", "--frames",
-                                 "2",        option,   path};
-        int count = 13;
+        const char *words[24] = {"fovea", "run",      "--source", source, "--camera", "camera",
+                                 "--set", "lcm_url=", "--frames", "2",    option,     path};
+        int count = 12;
+        if (!loud) words[count++] = "--quiet";
         for (int i = 0; settings[i] != NULL; i++) {
             words[count++] = "--set";
             words[count++] = settings[i];
@@ -222,6 +223,34 @@ static void heights_are_not_written_over_what_is_read(void **state)
     memset(settings, 0, sizeof settings);
 }
 
+/* The picture that is drawn unasked is left out where another output has its name. */
+static void the_unasked_picture_takes_no_output(void **state)
+{
+    static const char *const options[] = {"--stats", "--save-map", "--truth"};
+    const char *name = "fovea-run.png";
+    char said[96], first[4] = "";
+    (void)state;
+    loud = true;
+    for (size_t i = 0; i < sizeof options / sizeof options[0]; i++) {
+        unlink(fv_test_path(folder, name));
+        if (run("sim:orbit?width=96&height=64", options[i], name) != FV_EXIT_OK)
+            fail_msg("%s", line);
+        snprintf(said, sizeof said, "no picture is drawn: the picture: found %s, the file of %s",
+                 name, options[i]);
+        if (strstr(line, said) == NULL) fail_msg("%s", line);
+        FILE *file = fopen(fv_test_path(folder, name), "rb");
+        assert_non_null(file);
+        assert_int_equal(fread(first, 1, sizeof first, file), sizeof first);
+        fclose(file);
+        assert_memory_not_equal(first, "\x89PNG", sizeof first);
+    }
+    unlink(fv_test_path(folder, name));
+    if (run("sim:orbit?width=96&height=64", "--stats", "other") != FV_EXIT_OK) fail_msg("%s", line);
+    assert_null(strstr(line, "picture"));
+    assert_int_equal(access(fv_test_path(folder, name), F_OK), 0);
+    loud = false;
+}
+
 /* Pictures are PNG: said before anything is written, not when an hour has gone. */
 static void names_of_other_pictures_are_refused(void **state)
 {
@@ -295,6 +324,7 @@ int main(void)
         cmocka_unit_test(a_folder_of_images_takes_no_recordings),
         cmocka_unit_test(an_output_beside_a_data_set_is_written),
         cmocka_unit_test(heights_are_not_written_over_what_is_read),
+        cmocka_unit_test(the_unasked_picture_takes_no_output),
         cmocka_unit_test(names_of_other_pictures_are_refused),
         cmocka_unit_test(a_loaded_map_is_not_renamed_away),
     };
