@@ -2,6 +2,8 @@
 user's pictures keep their boxes and labels on their objects, and wrong label pictures are refused in one line. The last two need OpenCV (and Pillow), and are skipped without it.
 
     build/train-venv/bin/python tests/train/own.py"""
+import contextlib
+import io
 import os
 import sys
 import tempfile
@@ -12,6 +14,7 @@ sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."
 
 import classes  # noqa: E402
 import judge  # noqa: E402
+import options  # noqa: E402
 import overlap  # noqa: E402
 import split  # noqa: E402
 
@@ -43,6 +46,22 @@ def drawn(r, scenes, each):
             names.append(f"pictures/{s:02}_{k}.png")
             boxes.append(np.array([box(0)] + [box(1)] * (s % 4 == 0), np.float32))
     return images, names, boxes
+
+
+def wrong_numbers():
+    """One line names the option, what was found and what was expected."""
+    own = ["own-segmentation", "pictures", "masks", "-o", "m.fvm"]
+    for option, text in (("--minutes", "-5"), ("--minutes", "0"), ("--minutes", "nan"), ("--minutes", "soon"), ("--steps", "0"), ("--steps", "2.5"), ("--seed", "-1")):
+        said, status = io.StringIO(), None
+        try:
+            with contextlib.redirect_stderr(said):
+                options.parse([*own, f"{option}={text}"])
+        except SystemExit as end:
+            status = end.code
+        last = said.getvalue().strip().split("\n")[-1]
+        holds(f"{option} {text} is refused", status == 2 and f"argument {option}: found {text}, expected a " in last, last)
+    given = options.parse([*own, "--minutes=0.5", "--steps=7", "--seed=0"])
+    holds("numbers in range are taken", (given.minutes, given.steps, given.seed) == (0.5, 7, 0), given)
 
 
 def splits():
@@ -271,6 +290,7 @@ def evened():
 
 
 def main():
+    wrong_numbers()
     splits()
     figures()
     samples()
