@@ -219,6 +219,17 @@ static void print_floor(const struct fovea *rt)
     printf("\n");
 }
 
+/* Why no cell is free or occupied. */
+static const char *no_cell(const struct fv_run *run)
+{
+    struct fovea_pose pose;
+    fovea_pose_get(run->loop.rt, &pose);
+    if (run->watch.state == FV_WATCH_LOST) return "the pose is lost";
+    if (run->inferences + run->inferences2 == 0) return "no image was labelled";
+    if (pose.scale_source == FOVEA_SCALE_FREE) return "poses are not in metres";
+    return "no mask showed the floor near the robot";
+}
+
 static void found_print(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
@@ -233,9 +244,7 @@ static void found_print(const struct fv_run *run)
     const struct fv_grid_counts *grid = &run->grid;
     if (!run->settings.runtime.grid_job.enabled) return;
     if (grid->free + grid->occupied == 0)
-        printf("  free space: none known at the end: %s\n",
-               run->watch.state == FV_WATCH_LOST ? "the pose is lost"
-                                                 : "it needs poses in metres, and masks");
+        printf("  free space: none known at the end: %s\n", no_cell(run));
     else
         printf("  free space: %" PRIu32 " cells free, %" PRIu32 " occupied%s%s\n", grid->free,
                grid->occupied, run->grid_path != NULL ? ", drawn in " : "",

@@ -286,6 +286,36 @@ static void test_the_summary_says_how_well_scale_is_known(void **state)
     expect(" % (1 sigma)\n");
 }
 
+static void test_the_summary_says_why_no_cell_is_known(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *source, *frames, *said;
+    } cases[] = {
+        {ORBIT, "40", "free space: none known at the end: poses are not in metres\n"},
+        {ORBIT, "1", "free space: none known at the end: no image was labelled\n"},
+        {ORBIT "&baseline=0.1", "40", " occupied\n"},
+    };
+    char *network = realpath("src/detect/segmenter.fvm", NULL);
+    assert_non_null(network);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const char *const words[] = {
+            "fovea",     "run",
+            "--source",  cases[i].source,
+            "--set",     "lcm_url=",
+            "--model",   network,
+            "--picture", "none",
+            "--frames",  cases[i].frames,
+            "--set",     "grid.enabled=true",
+            "--set",     "T_body_cam=[[0, 0, 1, 0.3], [-1, 0, 0, 0], [0, -1, 0, 0.5]]",
+            "--set",     HALF,
+            NULL};
+        assert_int_equal(run(&no_terminal, words), 0);
+        expect(cases[i].said);
+    }
+    free(network);
+}
+
 /* ---- progress -------------------------------------------------------------------------------- */
 
 static void test_replay_and_export_show_how_far_they_are(void **state)
@@ -364,6 +394,7 @@ int main(void)
         cmocka_unit_test(test_a_narrow_terminal_gets_whole_fields),
         cmocka_unit_test(test_the_summary_says_why_nothing_was_posed),
         cmocka_unit_test(test_the_summary_says_how_well_scale_is_known),
+        cmocka_unit_test(test_the_summary_says_why_no_cell_is_known),
         cmocka_unit_test(test_replay_and_export_show_how_far_they_are),
         cmocka_unit_test(test_tools_in_python_show_how_far_they_are),
     };
