@@ -53,15 +53,15 @@ static FILE *start(const char *const words[], pid_t *id)
     return fdopen(ends[0], "r");
 }
 
-/* 10 m about the start, all of it free. */
-static void send_grid(void)
+/* 10 m about the start, all of it free; `side` cells are stated. */
+static void send_grid(int side)
 {
     static int8_t cells[SIDE * SIDE];
     static uint8_t packet[16384] = {'L', 'C', '0', '2'};
     fovea_grid_t grid = {.frame = (char[]){"odom"},
                          .resolution_m = 0.1,
-                         .width = SIDE,
-                         .height = SIDE,
+                         .width = side,
+                         .height = side,
                          .origin_position = {-5, -5, 0},
                          .origin_orientation = {1},
                          .row_count = SIDE,
@@ -106,7 +106,7 @@ static void drive(const char *name, bool keyed)
     FILE *heard = start(controller, &navigator);
     assert_non_null(fgets(line, sizeof line, heard));
     assert_string_equal(line, "listening\n");
-    send_grid();
+    send_grid(SIDE);
     const char *const run[] = {fovea,
                                "run",
                                "--source",
@@ -284,28 +284,41 @@ static void silence_is_as_long_as_it_is_told(void **state)
     assert_true(silences >= 3);
 }
 
-/* Where no grid comes, as grid.enabled is not set, a line says why the robot stands. */
-static void it_says_that_there_is_no_grid(void **state)
+/* One line alone says why the robot stands. Unless `side` is 0, a grid of so many cells is sent. */
+static void assert_says(const char *expected, int side)
 {
     char command[2048], line[512] = "";
     pid_t navigator;
-    (void)state;
     snprintf(command, sizeof command,
              "exec %s/examples/navigate 0.8 0 --url " URL " --patience 15 2>&1", build_folder());
     const char *const controller[] = {"/bin/sh", "-c", command, NULL};
     FILE *heard = start(controller, &navigator);
     assert_non_null(fgets(line, sizeof line, heard));
+    if (side > 0) send_grid(side);
     snprintf(command, sizeof command,
              "%s/fovea run --source '" DRIVE "' --frames 60 --quiet --picture none"
              " --set 'lcm_url=" URL "' --set '" T_BODY_CAM "'",
              build_folder());
     assert_int_equal(system(command), 0); /* NOLINT(bugprone-command-processor) */
     assert_non_null(fgets(line, sizeof line, heard));
-    assert_non_null(
-        strstr(line, "navigate: found no GRID with 50 poses, expected a run with grid.enabled"));
+    if (strncmp(line, expected, strlen(expected)) != 0) fail_msg("%s", line);
     kill(navigator, SIGTERM);
+    assert_non_null(fgets(line, sizeof line, heard));
+    if (strstr(line, "not at the goal after") == NULL) fail_msg("%s", line);
     assert_int_equal(waitpid(navigator, NULL, 0), navigator);
     fclose(heard);
+}
+
+static void it_says_that_there_is_no_grid(void **state)
+{
+    (void)state;
+    assert_says("navigate: found no GRID with 50 poses, expected a run with grid.enabled", 0);
+}
+
+static void it_says_that_a_grid_is_too_large(void **state)
+{
+    (void)state;
+    assert_says("navigate: GRID: found 30000 x 30000 cells, expected at most ", 30000);
 }
 
 static int set_up(void **state)
@@ -384,6 +397,7 @@ int main(void)
         cmocka_unit_test(a_signal_ends_it_with_its_last_line),
         cmocka_unit_test(silence_is_as_long_as_it_is_told),
         cmocka_unit_test(it_says_that_there_is_no_grid),
+        cmocka_unit_test(it_says_that_a_grid_is_too_large),
         cmocka_unit_test(wrong_arguments_are_refused),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);

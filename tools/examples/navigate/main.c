@@ -147,7 +147,7 @@ static void on_pose(const lcm_recv_buf_t *packet, const char *channel, const fov
     (void)channel;
     (void)context;
     self.poses++;
-    if (self.poses == POSES_WITHOUT_GRID && self.grids == 0)
+    if (self.poses == POSES_WITHOUT_GRID && self.grids == 0 && !self.too_large)
         fprintf(stderr,
                 "navigate: found no GRID with %d poses, expected a run with grid.enabled and poses "
                 "in metres; the robot stands\n",
