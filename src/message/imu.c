@@ -27,7 +27,7 @@ uint32_t fv_message_imu_status_encode(const struct fovea_imu_status *status, fov
                                       int64_t now_ns, uint8_t *buffer, size_t capacity)
 {
     const struct fovea_imu_counts *counts = &status->counts;
-    const fovea_imu_status_t message = {
+    fovea_imu_status_t message = {
         .stamp = stamp,
         .now_ns = now_ns,
         .state = (int8_t)status->state,
@@ -43,7 +43,15 @@ uint32_t fv_message_imu_status_encode(const struct fovea_imu_status *status, fov
         .missing = (int64_t)counts->missing,
         .gaps = (int64_t)counts->gaps,
         .jumps = (int64_t)counts->jumps,
+        .time_offset_s = status->time_offset_s,
+        .time_offset_sigma_s = status->time_offset_sigma_s,
+        .time_offset_used_s = status->time_offset_used_s,
+        .mount_angle = status->mount_angle,
+        .mount_angle_sigma = status->mount_angle_sigma,
+        .mount_wrong = status->mount_wrong,
     };
+    memcpy(message.mount_error, status->mount_error, sizeof message.mount_error);
+    memcpy(message.mount_sigma, status->mount_sigma, sizeof message.mount_sigma);
     return fv_wire_encoded(
         fovea_imu_status_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

@@ -64,6 +64,14 @@ static void every_field_is_told(void **state)
         .stamp_ns = 12,
         .rate_hz = 200.5,
         .counts = {1, 2, 3, 4, 5, 6, 7, 8, 9, 10},
+        .time_offset_s = 11,
+        .time_offset_sigma_s = 12,
+        .time_offset_used_s = 13,
+        .mount_error = {14, 15, 16},
+        .mount_sigma = {17, 18, 19},
+        .mount_angle = 20,
+        .mount_angle_sigma = 21,
+        .mount_wrong = true,
     };
     uint8_t data[512];
     fovea_imu_status_t out;
@@ -78,6 +86,11 @@ static void every_field_is_told(void **state)
     assert_true(out.taken == 1 && out.repeated == 2 && out.late == 3 && out.not_finite == 4 &&
                 out.saturated == 5 && out.frozen == 6 && out.off_clock == 7 && out.missing == 8 &&
                 out.gaps == 9 && out.jumps == 10);
+    assert_true(out.time_offset_s == 11 && out.time_offset_sigma_s == 12 &&
+                out.time_offset_used_s == 13);
+    assert_memory_equal(out.mount_error, in.mount_error, sizeof in.mount_error);
+    assert_memory_equal(out.mount_sigma, in.mount_sigma, sizeof in.mount_sigma);
+    assert_true(out.mount_angle == 20 && out.mount_angle_sigma == 21 && out.mount_wrong == 1);
 }
 
 static void states_are_told_at_once(void **state)
@@ -101,7 +114,15 @@ static void states_are_told_at_once(void **state)
         const bool changes = frame == 23 || frame == 27 || frame == 47 || frame == 50;
         assert_int_equal(told(&status), changes || frame % STATISTICS_EVERY == 0);
         if (changes) assert_int_equal(status.state, expected);
+        if (!told(&status)) continue;
+        assert_true(status.time_offset_s == now.time_offset_s &&
+                    status.time_offset_sigma_s == now.time_offset_sigma_s &&
+                    status.mount_angle_sigma == now.mount_angle_sigma);
+        assert_memory_equal(status.mount_sigma, now.mount_sigma, sizeof now.mount_sigma);
     }
+    /* Odometry has begun to find them. */
+    assert_true(now.time_offset_sigma_s > 0 && now.time_offset_sigma_s < 0.03);
+    assert_true(now.mount_sigma[0] > 0 && now.mount_sigma[0] < 0.1);
     assert_in_range(now.counts.not_finite, 25, 28); /* of four frames at 30 Hz */
     assert_int_equal(now.counts.missing, 60);       /* of nine frames */
     assert_int_equal(now.counts.gaps, 2);
