@@ -89,11 +89,16 @@ bool fv_sim3_search_more(struct fv_sim3_search *search,
 uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t count, double limit,
                         int steps, bool rigid, struct fv_sim3 *S_a_b);
 
-/* Standard deviation (rad, all axes together) of the rotation of S_a_b by the weights of the
- * inliers' pixels and distances; pi when they do not fix it. Large where all that meets lies far
- * off in one direction. */
-double fv_sim3_turn_sigma(const struct fv_correspondence *correspondences, uint32_t count,
-                          const struct fv_sim3 *S_a_b);
+/* How sure S_a_b is, by the weights of the inliers' pixels and distances. */
+struct fv_sim3_certainty {
+    double turn_sigma; /* rad, all axes together: large where all that meets lies far off in one
+                          direction; pi when nothing fixes it */
+    /* Natural logarithm of the factor by which the scale would fit better were it left open, to
+     * first order, and its standard deviation; 0 and infinite when nothing fixes it. */
+    double log_scale, scale_sigma;
+};
+void fv_sim3_judge(const struct fv_correspondence *correspondences, uint32_t count,
+                   const struct fv_sim3 *S_a_b, struct fv_sim3_certainty *certainty);
 
 #ifdef __cplusplus
 }

@@ -289,17 +289,21 @@ uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t coun
     return inliers;
 }
 
-double fv_sim3_turn_sigma(const struct fv_correspondence *correspondences, uint32_t count,
-                          const struct fv_sim3 *S_a_b)
+void fv_sim3_judge(const struct fv_correspondence *correspondences, uint32_t count,
+                   const struct fv_sim3 *S_a_b, struct fv_sim3_certainty *certainty)
 {
-    double H[49], g[7], variance = 0;
+    double H[49], g[7], variance[7];
+    *certainty = (struct fv_sim3_certainty){FV_PI, 0, __builtin_inf()};
     correspondences_system(correspondences, count, S_a_b, H, g);
-    if (!fv_ldlt_factor(H, 7)) return FV_PI;
-    for (int axis = 3; axis < 6; axis++) {
+    if (!fv_ldlt_factor(H, 7)) return;
+    for (int axis = 3; axis < 7; axis++) {
         double column[7] = {0};
         column[axis] = 1;
         fv_ldlt_back(H, 7, column);
-        variance += column[axis];
+        variance[axis] = column[axis];
     }
-    return __builtin_sqrt(variance);
+    fv_ldlt_back(H, 7, g);
+    certainty->turn_sigma = __builtin_sqrt(variance[3] + variance[4] + variance[5]);
+    certainty->log_scale = g[6];
+    certainty->scale_sigma = __builtin_sqrt(variance[6]);
 }

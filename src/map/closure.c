@@ -29,6 +29,8 @@ static const double turn_max_rad = 0.6;
 /* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its
  * few degrees allow. */
 static const double turn_sigma_max_rad = 0.02;
+/* Between maps in metres, a scale further from 1 than that is another place. */
+static const double scale_sigmas_max = 3;
 static const double distance_sigma_least = 0.01;
 static const double drift_fraction_max = 0.1; /* of the path since the candidate */
 static const double drift_slack = 0.3;        /* of the median depth */
@@ -464,6 +466,19 @@ static void judge_confirmation(struct fv_closure *closure, const struct fv_map *
     }
 }
 
+/* Whether the relation corrects something, and is what the landmarks say where its scale was held
+ * at 1. */
+static bool certain(const struct fv_closure *closure, const struct fv_map *map)
+{
+    const struct fv_closure_state *s = closure->state;
+    struct fv_sim3_certainty certainty;
+    fv_sim3_judge(closure->correspondences, s->correspondence_count, &s->S_keyframe_candidate,
+                  &certainty);
+    return certainty.turn_sigma <= turn_sigma_max_rad &&
+           (!is_rigid(s, map) ||
+            fv_abs(certainty.log_scale) <= scale_sigmas_max * certainty.scale_sigma);
+}
+
 static void guided_done(struct fv_closure *closure, const struct fv_map *map)
 {
     struct fv_closure_state *s = closure->state;
@@ -477,8 +492,7 @@ static void guided_done(struct fv_closure *closure, const struct fv_map *map)
     s->counts.confirmed++;
     correction_between(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
     if (!fv_closure_plausible(map, s->keyframe.slot, candidate, &s->correction) ||
-        fv_sim3_turn_sigma(closure->correspondences, s->correspondence_count,
-                           &s->S_keyframe_candidate) > turn_sigma_max_rad) {
+        !certain(closure, map)) {
         s->counts.implausible++;
         next_candidate(s);
         return;

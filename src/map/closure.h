@@ -11,10 +11,14 @@
  *
  * Within one map, the keyframes' poses are then optimised over the essential graph (pose_graph.h):
  * parents, strong neighbours, all closures. Between two maps, the younger one is taken to the world
- * of the older one as a whole. The commit is one bounded unit: keyframes move by their own
- * correction (those made since by that of the nearest ancestor that has one), landmarks with their
- * reference keyframe, the frame in work with its parent; the jump goes to S_map_world, so that the
- * pose in `odom` does not. Then landmarks that are the same thing are fused.
+ * of the older one as a whole. In maps whose unit is the metre by two cameras (fv_map_metric_of)
+ * corrections are motions, of 6 degrees of freedom, and where the landmarks say that the scale is
+ * not 1, the place is another. A map of another unit that one in metres meets comes to metres: when
+ * it is the older one, its lengths change, and origin and axes stay. The commit is one bounded
+ * unit: keyframes move by their own correction (those made since by that of the nearest ancestor
+ * that has one), landmarks with their reference keyframe, the frame in work with its parent; the
+ * jump goes to S_map_world, so that the pose in `odom` does not. Then landmarks that are the same
+ * thing are fused.
  *
  * Steps after R. Mur-Artal, J. Montiel, J. Tardos, "ORB-SLAM" (T-RO 2015), section VII, and C.
  * Campos et al., "ORB-SLAM3" (T-RO 2021), section VI. State holds no addresses. Real-time safe;
@@ -128,6 +132,10 @@ struct fv_closure_outcome {
     bool committed; /* the map moved: windows in work no longer fit it */
     bool fused;     /* the last unit of fusing: a window around the newest keyframe is of use */
     struct fv_sim3 S_new_current; /* takes the old world of the current frame to the new one */
+    /* Lengths of this map were multiplied by a factor before, in place, because it came into one in
+     * metres; 1: of none. */
+    uint32_t stretched_map;
+    double stretch;
 };
 
 /* One unit, bounded work (docs/bounds.md); the commit in proportion to the pools. True when units

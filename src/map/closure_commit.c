@@ -147,16 +147,17 @@ static void correct_born_since(struct fv_closure *closure, const struct fv_map *
     }
 }
 
-/* One correction for all of a map. */
+/* One correction for all of a map, the current frame where it is in it; `also`: the corrections
+ * that there are hold too. */
 static void correct_map(struct fv_closure *closure, const struct fv_map *map, uint32_t map_id,
-                        const struct fv_sim3 *S)
+                        const struct fv_sim3 *S, bool also)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
-        closure->corrected[k] = k == fv_map_current(map)
-                                    ? map->state->map_id == map_id
-                                    : keyframe->used && keyframe->map_id == map_id;
-        closure->corrections[k] = *S;
+        const bool within = k == fv_map_current(map) ? map->state->map_id == map_id
+                                                     : keyframe->used && keyframe->map_id == map_id;
+        closure->corrected[k] = within || (also && closure->corrected[k]);
+        if (within) closure->corrections[k] = *S;
     }
 }
 
@@ -221,26 +222,48 @@ static void list_fusing(struct fv_closure_state *s, const struct fv_map *map)
     s->fuse_at = 0;
 }
 
+/* Corrections by which the younger of two maps goes to the world of the older one. Where only the
+ * own map is in metres it stays so: the other's lengths change. */
+static void bring_together(struct fv_closure *closure, struct fv_map *map, uint32_t own,
+                           uint32_t others, struct fv_closure_outcome *outcome)
+{
+    const struct fv_closure_state *s = closure->state;
+    struct fv_sim3 S = s->correction, stretch;
+    const bool is_younger = own > others;
+    const bool stretched =
+        is_younger && fv_map_metric_of(map, own) && !fv_map_metric_of(map, others);
+    if (!is_younger) fv_sim3_invert(&S, &S);
+    fv_sim3_identity(&stretch);
+    if (stretched) {
+        stretch.s = 1 / S.s;
+        fv_sim3_compose(&stretch, &S, &S);
+        S.s = 1;
+    }
+    correct_map(closure, map, is_younger ? own : others, &S, false);
+    share_unit(closure, map, s->keyframe.slot, s->candidates[s->candidate].slot);
+    if (stretched) correct_map(closure, map, others, &stretch, true);
+    outcome->stretched_map = others;
+    outcome->stretch = stretch.s;
+}
+
 void fv_closure_commit(struct fv_closure *closure, struct fv_map *map,
                        struct fv_closure_outcome *outcome)
 {
     struct fv_closure_state *s = closure->state;
     const uint32_t keyframe = s->keyframe.slot, candidate = s->candidates[s->candidate].slot;
     const uint32_t own = map->keyframes[keyframe].map_id, others = map->keyframes[candidate].map_id;
+    outcome->stretch = 1;
     list_fusing(s, map);
     if (own == others) {
         correct_nodes(closure, map);
         correct_born_since(closure, map, own);
         s->counts.closed++;
+        share_unit(closure, map, keyframe, candidate);
     } else {
-        struct fv_sim3 S = s->correction;
-        const bool is_younger = own > others; /* the younger map goes to the world of the older */
-        if (!is_younger) fv_sim3_invert(&S, &S);
-        correct_map(closure, map, is_younger ? own : others, &S);
+        bring_together(closure, map, own, others, outcome);
         s->counts.merged++;
     }
     apply_corrections(closure, map);
-    share_unit(closure, map, keyframe, candidate);
     if (own != others)
         join_maps(map, own > others ? own : others, own > others ? others : own,
                   own > others ? candidate : keyframe);

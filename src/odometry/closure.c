@@ -22,11 +22,11 @@ void fv_odometry_follow_correction(struct fv_odometry *o, const struct fv_sim3 *
     s->job_wanted = true;
 }
 
-bool fv_odometry_closure_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+bool fv_odometry_closure_unit(struct fv_odometry *o, const struct fv_kernels *kernels,
+                              struct fv_closure_outcome *outcome)
 {
-    struct fv_closure_outcome outcome;
-    const bool left = fv_closure_unit(&o->closure, &o->map, kernels, &outcome);
-    if (outcome.committed) fv_odometry_follow_correction(o, &outcome.S_new_current);
-    if (outcome.fused) o->state->job_wanted = true;
+    const bool left = fv_closure_unit(&o->closure, &o->map, kernels, outcome);
+    if (outcome->committed) fv_odometry_follow_correction(o, &outcome->S_new_current);
+    if (outcome->fused) o->state->job_wanted = true;
     return left;
 }

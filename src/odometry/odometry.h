@@ -143,8 +143,10 @@ void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *ker
  * safe. */
 bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
-/* The same for the job that finds closures and merges maps. */
-bool fv_odometry_closure_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+/* The same for the job that finds closures and merges maps; `outcome`: what it did to the map,
+ * which odometry itself has followed. */
+bool fv_odometry_closure_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels,
+                              struct fv_closure_outcome *outcome);
 bool fv_odometry_closure_waiting(const struct fv_odometry *odometry);
 
 /* Where a save writes: the caller's buffer, which is outside the state, or NULL. */

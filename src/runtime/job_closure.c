@@ -1,5 +1,6 @@
 /* The job that finds closures and merges maps. */
 #include "runtime/jobs.h"
+#include "runtime/kept_grid.h"
 
 static bool waiting(const struct fovea *rt)
 {
@@ -10,8 +11,12 @@ static uint32_t advance(struct fovea *rt, uint32_t units, struct fovea_outputs *
 {
     (void)outputs;
     uint32_t done = 0;
-    for (; done < units && waiting(rt); done++)
-        fv_odometry_closure_unit(&rt->odometry, &rt->kernels);
+    for (; done < units && waiting(rt); done++) {
+        struct fv_closure_outcome outcome;
+        (void)fv_odometry_closure_unit(&rt->odometry, &rt->kernels, &outcome);
+        if (outcome.committed)
+            fv_kept_grid_stretch(&rt->free_space, outcome.stretched_map, outcome.stretch);
+    }
     return done;
 }
 

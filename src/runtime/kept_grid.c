@@ -34,6 +34,16 @@ void fv_kept_grid_take(struct fv_free_space *stage, const struct fv_archive_grid
     fv_grid_recall_keep(&stage->recall, grid->side, grid->resolution_m, cells);
 }
 
+void fv_kept_grid_stretch(struct fv_free_space *stage, uint32_t map_id, double factor)
+{
+    if (!stage->enabled || stage->kept->loaded.side == 0 || stage->kept->loaded.map_id != map_id)
+        return;
+    struct fv_sim3 *S = &stage->kept->loaded.S_map_grid;
+    S->s *= factor;
+    for (int i = 0; i < 3; i++)
+        S->t[i] *= factor;
+}
+
 /* ---- offering what was loaded ---------------------------------------------------------------- */
 
 struct fv_sim3 fv_kept_grid_own(const struct fv_publish *publish)

@@ -31,6 +31,9 @@ void fv_kept_grid_crop(const struct fv_archive_info *info, const uint8_t *data, 
 void fv_kept_grid_take(struct fv_free_space *stage, const struct fv_archive_grid *grid,
                        const int8_t *cells);
 
+/* Lengths of a map were multiplied by `factor`: what is kept lies in it as before. */
+void fv_kept_grid_stretch(struct fv_free_space *stage, uint32_t map_id, double factor);
+
 /* The grid is about to forget: keep what it knows. In proportion to its cells. */
 void fv_kept_grid_keep(struct fv_free_space *stage);
 

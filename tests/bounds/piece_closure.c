@@ -16,6 +16,7 @@ struct closing {
     struct fv_closure *closure;
     struct fv_map *map;
     struct fv_sim3 S;
+    struct fv_sim3_certainty certainty;
 };
 
 static void gather(void *context)
@@ -67,7 +68,7 @@ static void plausible(void *context)
     const struct fv_closure_state *s = c->closure->state;
     (void)fv_closure_plausible(c->map, s->keyframe.slot, s->candidates[0].slot, &c->S);
     (void)same_correction(c->map, s);
-    c->S.s = fv_sim3_turn_sigma(c->closure->correspondences, s->correspondence_count, &c->S);
+    fv_sim3_judge(c->closure->correspondences, s->correspondence_count, &c->S, &c->certainty);
 }
 
 static void offer(void *context)

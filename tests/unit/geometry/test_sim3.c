@@ -329,6 +329,7 @@ static void test_certainty_of_turn(void **context)
     struct fv_random random;
     static struct fv_correspondence correspondences[CORRESPONDENCES];
     struct fv_sim3 truth, found, off;
+    struct fv_sim3_certainty certainty;
     double said = 0, made = 0, x[7];
     fv_random_seed(&random, 17);
     for (int n = 0; n < 3 * ROUNDS; n++) {
@@ -339,8 +340,8 @@ static void test_certainty_of_turn(void **context)
             correspondences[i].inlier = true;
         found = truth;
         (void)fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 6, false, &found);
-        const double sigma = fv_sim3_turn_sigma(correspondences, CORRESPONDENCES, &found);
-        said += sigma * sigma / ROUNDS;
+        fv_sim3_judge(correspondences, CORRESPONDENCES, &found, &certainty);
+        said += certainty.turn_sigma * certainty.turn_sigma / ROUNDS;
         fv_sim3_invert(&truth, &truth);
         fv_sim3_compose(&truth, &found, &off);
         fv_sim3_log(&off, x);
@@ -352,11 +353,57 @@ static void test_certainty_of_turn(void **context)
     for (int i = 0; i < CORRESPONDENCES; i++) /* in one direction alone */
         correspondences[i].inlier =
             fabs(correspondences[i].point_a[0]) < 0.1 * correspondences[i].point_a[2];
-    assert_true(fv_sim3_turn_sigma(correspondences, CORRESPONDENCES, &found) > 2 * sqrt(said));
+    fv_sim3_judge(correspondences, CORRESPONDENCES, &found, &certainty);
+    assert_true(certainty.turn_sigma > 2 * sqrt(said));
     for (int i = 3; i < CORRESPONDENCES; i++)
         correspondences[i].inlier = false;
     correspondences[0].inlier = correspondences[1].inlier = false;
-    assert_true(fv_sim3_turn_sigma(correspondences, CORRESPONDENCES, &found) > 1);
+    fv_sim3_judge(correspondences, CORRESPONDENCES, &found, &certainty);
+    assert_true(certainty.turn_sigma > 1);
+}
+
+/* Of a rigid motion: which scale the landmarks would rather have, within what is said of it. */
+static void test_certainty_of_scale(void **context)
+{
+    (void)context;
+    enum { ROUNDS = 100 };
+    static const double distance_sigmas[] = {0.005, 0.03}, factors[] = {1, 0.97, 1.08};
+    struct fv_random random;
+    static struct fv_correspondence correspondences[CORRESPONDENCES];
+    fv_random_seed(&random, 23);
+    for (int kind = 0; kind < 6; kind++) {
+        const double factor = factors[kind % 3], sigma = distance_sigmas[kind / 3];
+        double square = 0, said = 0, mean = 0;
+        for (int n = 0; n < ROUNDS; n++) {
+            struct fv_sim3 truth, found;
+            struct fv_sim3_certainty certainty;
+            random_similarity(&random, &truth);
+            truth.s = factor;
+            make_correspondences(&random, 0, 1, sigma, &truth, correspondences);
+            for (int i = 0; i < CORRESPONDENCES; i++)
+                correspondences[i].inlier = true;
+            found = truth;
+            (void)fv_sim3_refine(correspondences, CORRESPONDENCES, 1e300, 6, true, &found);
+            assert_true(found.s == 1);
+            fv_sim3_judge(correspondences, CORRESPONDENCES, &found, &certainty);
+            const double off = certainty.log_scale - log(factor);
+            square += off * off / ROUNDS;
+            mean += certainty.log_scale / ROUNDS;
+            said += certainty.scale_sigma * certainty.scale_sigma / ROUNDS;
+        }
+        print_message("log scale %.4f: found %.4f, off by %.5f, %.5f said\n", log(factor), mean,
+                      sqrt(square), sqrt(said));
+        assert_true(fabs(mean - log(factor)) < 0.2 * fabs(log(factor)) + 0.5 * sqrt(said));
+        if (factor == 1) assert_true(square < 2.25 * said && said < 2.25 * square);
+        if (factor > 1) assert_true(mean > 3 * sqrt(said));
+    }
+    for (int i = 0; i < CORRESPONDENCES; i++)
+        correspondences[i].inlier = false;
+    struct fv_sim3 none;
+    struct fv_sim3_certainty certainty;
+    fv_sim3_identity(&none);
+    fv_sim3_judge(correspondences, CORRESPONDENCES, &none, &certainty);
+    assert_true(certainty.log_scale == 0 && certainty.scale_sigma > 1e300);
 }
 
 /* Chance alone does not make a similarity. */
@@ -390,6 +437,7 @@ int main(void)
         cmocka_unit_test(test_rigid_refinement),
         cmocka_unit_test(test_errors_along_the_ray),
         cmocka_unit_test(test_certainty_of_turn),
+        cmocka_unit_test(test_certainty_of_scale),
         cmocka_unit_test(test_search_without_truth),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -215,6 +215,30 @@ static void it_lies_in_the_map_and_not_in_odom(void **state)
     sim_rig_close(&rig);
 }
 
+/* Where the run's own map is in metres, one that was loaded comes to metres, and its grid with it.
+ */
+static void it_stretches_with_its_map(void **state)
+{
+    (void)state;
+    open_rig(START, 10);
+    load(saved, saved_bytes);
+    sim_rig_build(&rig);
+    const uint32_t map_id = rig.rt->free_space.kept->loaded.map_id;
+    const struct fv_archive_grid before = grid_now();
+    fv_kept_grid_stretch(&rig.rt->free_space, map_id + 1, 3);
+    struct fv_archive_grid after = grid_now();
+    assert_true(apart(&before.S_map_grid, &after.S_map_grid) == 0);
+    fv_kept_grid_stretch(&rig.rt->free_space, map_id, 3);
+    after = grid_now();
+    struct fv_sim3 expected, stretch;
+    fv_sim3_identity(&stretch);
+    stretch.s = 3;
+    fv_sim3_compose(&stretch, &before.S_map_grid, &expected);
+    assert_true(apart(&before.S_map_grid, &expected) > 1);
+    assert_true(apart(&after.S_map_grid, &expected) < 1e-9);
+    sim_rig_close(&rig);
+}
+
 /* A run without a grid takes the map, and one of other cells takes the middle. */
 static void runs_of_other_grids_load_it(void **state)
 {
@@ -302,6 +326,7 @@ int main(void)
         cmocka_unit_test(it_is_turned_with_the_frame),
         cmocka_unit_test(what_has_changed_is_corrected),
         cmocka_unit_test(it_lies_in_the_map_and_not_in_odom),
+        cmocka_unit_test(it_stretches_with_its_map),
         cmocka_unit_test(runs_of_other_grids_load_it),
         cmocka_unit_test(it_is_the_same_again),
     };
