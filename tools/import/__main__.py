@@ -69,6 +69,8 @@ def translate(path, arguments, fold):
     written, trying = use.describe(path, graph, net, arguments)
     name = os.path.splitext(os.path.basename(path))[0]
     data = writer.bytes(name, *written)
+    if arguments is not None:
+        trial.engine(data)  # what the engine refuses to load is refused here
     tried = trying is None or arguments is None or trial.run(data, graph, *trying)
     figures = dict(operators=len(graph.ops), steps=len(net.steps), macs=sum(s.macs for s in net.steps),
                    weights=len(net.data), arena=arena, bound=bound, file=len(data), graph=graph, net=net, decoder=trying[0] if trying else None, tried=tried)
