@@ -190,6 +190,16 @@ armed() {
     make --no-print-directory "$build/tests/realtime/test_armed" && FOVEA_LONG=1 "$build/tests/realtime/test_armed"
 }
 
+# Damaged .tflite files, imported and run under asan+ubsan.
+mutants() { # mutants COUNT
+    tests/import/mutants.sh "$1"
+}
+
+# No unit of a network takes more than 0.25 ms. It judges times: on the machine that tools/import/costs.txt names, or a faster one.
+units() {
+    BUILD=$build "$(tools/networks_python.sh $build)" tests/import/units.py --runs 15
+}
+
 # A minute on each slow link: every pose in time in the other network, a preview every 5 s.
 slow_links() {
     make --no-print-directory "$build/tests/transport/test_sending" && FOVEA_LONG=60 "$build/tests/transport/test_sending"
@@ -216,6 +226,7 @@ if [ -n "$sample" ]; then
     part packets packets 50000
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-6}"
     part networks tools/check_networks.sh "$build" 1 best
+    part mutants mutants 100
     part drive-network drive_network 7001 1 1
 else
     part realtime realtime 36000 1
@@ -252,6 +263,8 @@ else
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40
     part public python3 tests/import/public.py "$build"
+    part mutants mutants 2000
+    part units units
     part honest honest 10
     part calibration calibration 100
     part bare-debian tools/try_bare_debian.sh

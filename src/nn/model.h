@@ -16,7 +16,8 @@
  *
  * Operators stand in the order in which they run; each reads only inputs, constants and what an
  * earlier one wrote. The work of an operator is cut into `rows` slices that are independent of each
- * other; `row_cost` estimates one slice in multiply-accumulates.
+ * other; `row_cost` estimates one slice, in sixteenths of a nanosecond of the kernel set that takes
+ * longest (tools/import/costs.txt).
  *
  * A state is a tensor that keeps its bytes from run to run. Its bytes are values minus their zero
  * point, so that zeroed memory is the real zero. One FV_OP_COPY reads it, into the tensor that was

@@ -380,7 +380,7 @@ static const char *check_detection(const struct fv_check *c)
     if (fv_check_scratch_bytes(c) < (int64_t)p->anchors * 32 + slots * 64 + 64)
         return "scratch is too small";
     *c->word = 13;
-    return c->op->rows == fv_nn_detection_rows(p) ? NULL : "rows is not what its steps make";
+    return fv_nn_detection_rows_fit(p, c->op->rows) ? NULL : "rows is not what its steps make";
 }
 
 const char *fv_model_check_op(const struct fv_model *model, const struct fv_model_op *op,

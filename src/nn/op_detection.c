@@ -7,10 +7,7 @@
 #include "base/elementary.h"
 #include "nn/run.h"
 
-enum {
-    ANCHORS_PER_STEP = 64,
-    PAIRS_PER_STEP = 1 << 17 /* boxes compared by a step, some 0.2 ms here */
-};
+enum { ANCHORS_PER_STEP = 64 };
 
 /* What goes on from step to step, in scratch behind everything else. */
 struct run {
@@ -142,27 +139,29 @@ static int32_t next_class(const struct state *s, int32_t anchor, int32_t after)
 
 /* ---- steps: each row of the operator is one -------------------------------------------------- */
 
-/* Of one class. */
-static int32_t selections_per_step(const struct fv_op_detection *p)
+static int32_t decode_steps(const struct fv_op_detection *p)
 {
-    const int32_t most = PAIRS_PER_STEP / p->anchors;
-    return most < 1 ? 1 : most;
+    return (p->anchors - 1) / ANCHORS_PER_STEP + 1;
 }
 
-static int32_t steps_per_class(const struct fv_op_detection *p)
+/* Selections of one class at most. */
+static int32_t limit_of(const struct fv_op_detection *p)
 {
     const int32_t limit = p->per_class < p->anchors ? p->per_class : p->anchors;
-    return limit < 1 ? 1 : (limit - 1) / selections_per_step(p) + 1;
+    return limit < 1 ? 1 : limit;
 }
 
-int32_t fv_nn_detection_rows(const struct fv_op_detection *p)
+/* As many as the file's rows leave. */
+static int32_t steps_per_class(const struct fv_op_detection *p, int32_t rows)
 {
-    const int32_t decode = (p->anchors - 1) / ANCHORS_PER_STEP + 1;
-    const int64_t rows = decode +
-                         (p->regular_nms ? (int64_t)p->classes * steps_per_class(p)
-                                         : (int64_t)p->max_detections + 1) +
-                         1;
-    return rows > 1 << 30 ? -1 : (int32_t)rows;
+    return (rows - decode_steps(p) - 1) / p->classes;
+}
+
+bool fv_nn_detection_rows_fit(const struct fv_op_detection *p, int32_t rows)
+{
+    const int64_t between = (int64_t)rows - decode_steps(p) - 1;
+    if (!p->regular_nms) return between == (int64_t)p->max_detections + 1;
+    return between > 0 && between % p->classes == 0 && between / p->classes <= limit_of(p);
 }
 
 static void best_scores(const struct state *s, int32_t begin, int32_t end)
@@ -210,16 +209,16 @@ static void merge_class(const struct state *s, int32_t c)
     s->run->found = total;
 }
 
-static void regular_step(const struct state *s, int32_t step)
+static void regular_step(const struct state *s, int32_t step, int32_t steps)
 {
     const struct fv_op_detection *p = s->p;
-    const int32_t steps = steps_per_class(p), c = step / steps;
+    const int32_t c = step / steps;
     if (step % steps == 0) {
         for (int32_t i = 0; i < p->anchors; i++)
             s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
         suppress_begin(s);
     }
-    suppress_some(s, selections_per_step(p), p->per_class);
+    suppress_some(s, (limit_of(p) - 1) / steps + 1, p->per_class);
     if (step % steps == steps - 1) merge_class(s, c);
 }
 
@@ -242,7 +241,7 @@ static void clear_outputs(const struct fv_nn_call *call, const struct state *s)
 static void step(const struct fv_nn_call *call, const struct state *s, int32_t row)
 {
     const struct fv_op_detection *p = s->p;
-    const int32_t decode = (p->anchors - 1) / ANCHORS_PER_STEP + 1, begin = row * ANCHORS_PER_STEP;
+    const int32_t decode = decode_steps(p), begin = row * ANCHORS_PER_STEP;
     if (row == 0) clear_outputs(call, s);
     if (row < decode) {
         const int32_t end =
@@ -255,7 +254,7 @@ static void step(const struct fv_nn_call *call, const struct state *s, int32_t r
         else
             write_fast(call, s);
     } else if (p->regular_nms) {
-        regular_step(s, row - decode);
+        regular_step(s, row - decode, steps_per_class(p, call->op->rows));
     } else if (row == decode) {
         suppress_begin(s);
     } else {

@@ -3,8 +3,8 @@
  * The state is the arena (fv_nn_arena_bytes, 64-byte aligned, owned by the caller) and a struct
  * fv_nn_progress; neither holds addresses, so both may be copied, moved and saved between units. A
  * unit is a run of rows of one operator worth at most FV_NN_UNIT_COST (or one row, if that is
- * more); 0.25 ms at 16 GMAC/s, which a Cortex-A76 with dot products passes. Units depend on the
- * model alone, so a recorded number of units does the same work on every machine.
+ * more): 0.25 ms, as costs of rows are sixteenths of a nanosecond. Units depend on the model alone,
+ * so a recorded number of units does the same work on every machine.
  *
  * Operators may overwrite the input tensors: write the inputs before every run. The states of a
  * model lie in the arena too: an arena of zeros, or fv_nn_clear_states, begins with all of them
@@ -13,6 +13,7 @@
 #ifndef FOVEA_NN_RUN_H
 #define FOVEA_NN_RUN_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "kernels/kernels.h"
@@ -63,8 +64,10 @@ fv_nn_op_fn fv_nn_op_conv, fv_nn_op_depthwise, fv_nn_op_binary, fv_nn_op_pool, f
  * rounded once, halves away from zero; within +-100000. */
 int32_t fv_nn_scale_once(int32_t acc, int32_t low, int32_t high);
 
-/* Rows that the steps of a detection make; -1: too many. */
-int32_t fv_nn_detection_rows(const struct fv_op_detection *p);
+/* Whether a detection's steps may be so many rows. Those of regular suppression are as many for
+ * each class, from 1 to the boxes that it may select: the file decides how many boxes a step
+ * selects. */
+bool fv_nn_detection_rows_fit(const struct fv_op_detection *p, int32_t rows);
 
 #ifdef __cplusplus
 }

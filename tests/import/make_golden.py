@@ -11,6 +11,7 @@ import sys
 import tempfile
 
 import numpy as np
+from flatbuffers import flexbuffers
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
@@ -30,7 +31,16 @@ def padded(data):
     return data + bytes(-len(data) % 64)
 
 
-def record(name, kind, seed):
+def is_regular(seed):
+    """Suppression class by class of more boxes than a class may have, as the reference does it."""
+    case = Case("uint8", seed)
+    boxes = CASES["TFLite_Detection_PostProcess"](case)[0][0]
+    options = flexbuffers.Loads(case.b.ops[0][5])
+    return options["use_regular_nms"] and options["num_classes"] > 1 and case.b.tensors[boxes][1][1] > 20 and \
+        operators.run("TFLite_Detection_PostProcess", "uint8", seed, "c") == ""
+
+
+def record(name, kind, seed, called=None):
     case = Case(kind, seed)
     inputs, outputs = CASES[name](case)
     with tempfile.NamedTemporaryFile(suffix=".tflite") as file:
@@ -52,7 +62,7 @@ def record(name, kind, seed):
         for i in range(3):  # the reference leaves unused entries as they were, the engine clears them
             results[i][:, count:] = 0
     ins, outs = b"".join(raw(v) for v in values), b"".join(raw(v) for v in results)
-    head = struct.pack("<40s3I12x", f"{name} {kind}".encode()[:39], len(model), len(ins), len(outs))
+    head = struct.pack("<40s3I12x", (called or f"{name} {kind}").encode()[:39], len(model), len(ins), len(outs))
     return padded(head) + padded(model) + padded(ins) + padded(outs)
 
 
@@ -143,6 +153,7 @@ def main():
         for kind in kinds:
             seed = next(s for s in range(100) if operators.run(name, kind, s, "c") == "")
             out += record(name, kind, seed)
+    out += record("TFLite_Detection_PostProcess", "uint8", next(s for s in range(100) if is_regular(s)), "regular suppression")
     for kept in (True, False):  # the state's scale is half the next value's: the step between them is a multiplication by 2
         out += drawn("recurrent kept" if kept else "recurrent open", kept, states.elman, 12, 1 / 256, 5)
     out += drawn("recurrent picture", True, states.pictures)

@@ -25,6 +25,7 @@ SPEC = importlib.util.spec_from_file_location("tool", os.path.join(IMPORT, "__ma
 TOOL = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(TOOL)
 ENGINE = TOOL.trial.engine
+COSTS = sys.modules["costs"]
 V8 = ("--decoder", "yolov8")
 DECODERS = TOOL.use.DECODERS
 
@@ -369,7 +370,7 @@ def loaded(bench):
 
 
 def units(bench):
-    """No row of a large layer is more than a unit's work: 4 million multiply-accumulates, or that number of bytes of weights by three."""
+    """No row of a large layer is more than a unit's work; units are cut by the set that takes longest."""
     for what, shape, weights in (("connected", (1, 2000), (3000, 2000)), ("convolution", (1, 7, 7, 512), (512, 3, 3, 512))):
         b = Builder()
         x, y = b.tensor("int8", shape, 0.03, 0), b.tensor("int8", (*shape[:-1], weights[0]), 1.0, 0)
@@ -382,6 +383,21 @@ def units(bench):
         count, at = struct.unpack_from("<2I", found.raw, 28)
         costs = np.frombuffer(found.raw, "<i4", count * 64, at).reshape(-1, 64)[:, 15]
         bench.holds(f"{what}: {count} steps of rows up to {costs.max()}", bool(count > 1 and costs.max() <= 4000000), True)
+    b = Builder()
+    x, y, z = (b.tensor("int8", (1, 8, 8, 4), 0.03, 0) for _ in range(3))
+    b.op("ADD", [x, y], [z], "Add")
+    found, kept = {}, COSTS.TABLE
+    for figures in ((100, 100, 0), (100, 300, 0), (300, 100, 50), (50, 60, 300)):
+        COSTS.TABLE = {**kept, "add_rows": dict(zip(COSTS.SETS, figures))}
+        raw = bench.run(b.bytes([x, y], [z]), "--decoder", "none").raw
+        found[figures] = int(np.frombuffer(raw, "<i4", 64, struct.unpack_from("<I", raw, 32)[0])[15])
+    COSTS.TABLE = kept
+    bench.holds("units are cut by the dearest set", [round(cost / found[100, 100, 0], 2) for cost in found.values()], [1, 3, 3, 3])
+    path = os.path.join(bench.folder, "costs.txt")
+    COSTS.write({**kept, "add_rows": dict(zip(COSTS.SETS, (7, 0, 9)))}, ["# by hand\n"], path)
+    bench.holds("a table of costs is read as it was written", [COSTS.comment(path), list(COSTS.read(path)["add_rows"].values())] == [["# by hand\n"], [7, 0, 9]]
+                and {w: f for w, f in COSTS.read(path).items() if w != "add_rows"} == {w: f for w, f in kept.items() if w != "add_rows"}, True)
+    bench.holds("every kind of work was measured on SSE4 and AVX2", [w for w, f in kept.items() if not (f["sse4"] and f["avx2"])], [])
 
 
 def zipped(names):

@@ -6,6 +6,7 @@ sum (x - zx)(ws - zw') = sum x ws - zw' sum x - zx sum (ws - zw'): the last term
 row sum, needed only where zw' is not 0 (legacy uint8 models). Padding contributes zx, thus nothing."""
 import numpy as np
 
+import costs
 import quant
 from fold import activation_of
 from graph import ImportProblem
@@ -89,10 +90,17 @@ def bias_of(low, op, channels, place=2):
     return np.ravel(tensor.data).astype(np.int64)
 
 
-def gemm_cost(pixels, n, k):
-    """In multiply-accumulates: bytes of weights that few pixels share are bound by memory and count three times."""
-    n16, k4 = pad_to(n, 16), pad_to(k, 4) // 4
-    return max(pixels * n16 * (k4 * 4 + 16), 3 * n16 * k4 * 4)
+def gemm_cost(rows, width, n, k, kh, single):
+    """Of rows of `width` pixels, in sixteenths of a nanosecond: products, the rounding of results, windows of `kh` rows that are gathered (0: none are),
+    and the weights, which each unit reads anew."""
+    n16, k4 = pad_to(n, 16), pad_to(k, 4)
+    row, weights = width * (n16 * (7 * k4 // 10 + 14) + 60 * kh + (32 * n if single else 0)), 2 * n16 * k4
+    together = min(rows, max((costs.room(gemm_work(single)) - weights) // row, 1))
+    return rows * row + rows * weights // together
+
+
+def gemm_work(single):
+    return "fully_connected" if single else "conv"
 
 
 def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, geometry, act, table, single=0):
@@ -100,14 +108,18 @@ def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
     of fewer output channels, 64 at least: with fewer the kernels are slow."""
     vo, (n, k) = low.net.values[index_out], weights.shape
     batch, height, width = (geometry.get(name, vo.shape[i]) for i, name in enumerate(("batch", "out_h", "out_w")))
-    rows = batch * height
-    most = max(rows * UNIT_COST // gemm_cost(rows * width, 64, k), 1) * 64
+    rows, work, gathered = batch * height, gemm_work(single), 0 if is_pointwise(geometry) else geometry["kh"]
+    most = max(rows * UNIT_COST // costs.scaled(work, gemm_cost(rows, width, 64, k, gathered, single)), 1) * 64
     size = pad_to(-(-n // -(-n // most)), 64)
     for first in range(0, n, size):
         part = slice(first, min(first + size, n))
         out = index_out if size >= n else \
             low.net.derive(index_out, vo.offset + first, vo.shape[:3] + (part.stop - first,), vo.pixel)
         emit_part(low, op, index_in, out, weights[part], w_zero, bias[part], mult[part], shift[part], geometry, act, table, single)
+
+
+def is_pointwise(p):
+    return all(p[x] == 1 for x in ("kh", "kw", "stride_x", "stride_y"))
 
 
 def emit_part(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, geometry, act, table, single):
@@ -122,15 +134,15 @@ def emit_part(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
              single_rounding=single, weights=net.blob(pack_gemm(weights.astype(np.int8), k4)),
              bias=net.blob(padded(total, n16)), multiplier=net.blob(padded(mult, n16)),
              shift=net.blob(padded(shift, n16)), table=table)
-    pointwise = all(p[x] == 1 for x in ("kh", "kw", "stride_x", "stride_y")) and not p["pad_top"] and \
-        not p["pad_left"] and p["in_h"] == p["out_h"] and p["in_w"] == p["out_w"]
-    pixels = p["batch"] * p["out_h"] * p["out_w"]
+    pointwise = is_pointwise(p) and not p["pad_top"] and not p["pad_left"] and p["in_h"] == p["out_h"] and p["in_w"] == p["out_w"]
+    rows = p["batch"] * p["out_h"]
+    pixels = rows * p["out_w"]
     macs = pixels * n * k
     scratch = 0 if pointwise else CONV_PIXELS * pad_to(k4 * 4 + 15, 64) + 64
     if single:
         scratch += n16 * 4 * CONV_PIXELS
-    net.step("CONV", op, [index_in], [index_out], p, p["batch"] * p["out_h"], macs,
-             cost=gemm_cost(pixels, n, k) + (pixels * n * 32 if single else 0), scratch=scratch)
+    net.step("CONV", op, [index_in], [index_out], p, rows, macs, cost=gemm_cost(rows, p["out_w"], n, k, 0 if is_pointwise(p) else p["kh"], single),
+             scratch=scratch, work=gemm_work(single))
 
 
 def conv_2d(low, op):
@@ -225,7 +237,7 @@ def emit_depthwise(low, op, source, out, weights, bias, mult, shift, geometry, a
     columns = min((p["out_w"] - 1) * p["stride_x"] + (p["kw"] - 1) * p["dilation_x"] + 1,
                   max(DEPTHWISE_COLUMNS, (p["kw"] - 1) * p["dilation_x"] + 1))
     net.step("DEPTHWISE", op, [source], [out], p, p["batch"] * p["out_h"], pixels * taps * channels,
-             cost=pixels * channels * (taps * 4 + 60), scratch=columns * 256 * ((p["kh"] + 3) // 4))
+             cost=pixels * max(channels, 8) * (taps * 4 + 60), scratch=columns * 256 * ((p["kh"] + 3) // 4))
 
 
 def fully_connected(low, op):

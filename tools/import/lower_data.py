@@ -8,6 +8,7 @@ from graph import ImportProblem
 from layout import TYPE_BYTES
 
 CHUNK = 16384
+COPY_ROW = 64  # work in multiply-accumulates or their like, beside that of its elements
 
 
 def dense_strides(shape, element=1):
@@ -62,8 +63,10 @@ def emit_strided(low, op, source, out, dims, src, dst, src_first=0, dst_first=0,
     count = int(np.prod(dims, dtype=np.int64))
     packed = s[5] == size and t[5] == size
     same = s == t and src_first == dst_first
-    net.step("COPY", op or NOTHING, [source], [out], p, int(np.prod(d[:5], dtype=np.int64)),
-             cost=count * (2 if packed and not blob else 16 if packed else 20), in_place=same)
+    rows = int(np.prod(d[:5], dtype=np.int64))
+    net.step("COPY", op or NOTHING, [source], [out], p, rows,
+             cost=rows * COPY_ROW + count * (2 if packed and not blob else 16 if packed else 20), in_place=same,
+             work="copy_packed" if packed and not blob else "copy_table" if packed else "copy_strided")
 
 
 class _Nothing:

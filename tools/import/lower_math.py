@@ -1,11 +1,12 @@
 """Arithmetic on 8-bit tensors other than convolutions: element-wise, pooling, reduction, resizing, softmax, heads."""
 import numpy as np
 
+import costs
 import quant
 from constant import dequantize_table
 from fold import activation_of, binary_params, is_refused
 from graph import ImportProblem
-from layout import BINARY, CONV_PIXELS, TYPE_BYTES
+from layout import BINARY, CONV_PIXELS, TYPE_BYTES, UNIT_COST
 from lower_conv import check8, image, same_padding
 from lower_data import coalesce, dense_strides, emit_strided, value_strides
 from net import pad_to
@@ -16,6 +17,7 @@ SOFTMAX_DEPTH = 8191  # what the sum holds
 NORMALISE_DEPTH = 32768
 SLOPES_ROW, SLOPES_VALUE = 64, 8  # work in multiply-accumulates or their like
 SLOPES_JOINED = 128  # values in a row of joined pixels, at most
+VECTORS = ((1, 1, 1), (0, 1, 1), (1, 0, 1))  # strides along rows of which kernels make vectors
 REDUCE_ROW = 256  # results of a slice, where there are more
 
 
@@ -47,9 +49,16 @@ def binary_cost(dims, last, pairs, table):
     rows, count = int(np.prod(dims[:5], dtype=np.int64)), dims[5]
     if pairs is not None:
         return rows * count * 24
-    if last not in ((1, 1, 1), (0, 1, 1), (1, 0, 1)):
+    if last not in VECTORS:
         return rows * count * 96
     return rows * ((160 if all(last) else 480) + pad_to(count, 16) * (32 if table else 20))
+
+
+def binary_work(name, last, pairs):
+    if pairs is not None:
+        return "pairs"
+    name = "extreme" if name in ("MAXIMUM", "MINIMUM") else name.lower()
+    return f"{name}_{'alone' if last not in VECTORS else 'rows' if all(last) else 'spread'}"
 
 
 def slopes_of(low, op, pairs, dims, sa, sb, so):
@@ -78,7 +87,8 @@ def emit_slopes(low, op, va, out, d, sa, so, found, in_place):
     rows = int(np.prod(d[:5], dtype=np.int64))
     q = {"function": BINARY["SLOPES"], "zero_a": low.tensor(op.inputs[0]).zero_u8, "zero_out": zero_out, "act_max": 255, "table": low.net.blob(slopes)}
     q.update({f"{name}{i}": n for name, numbers in (("dim", d), ("a", sa), ("o", so)) for i, n in enumerate(numbers)})
-    low.net.step("BINARY", op, [va], [out], q, rows, cost=rows * (SLOPES_ROW + pad_to(d[5], 16) * SLOPES_VALUE), in_place=in_place)
+    low.net.step("BINARY", op, [va], [out], q, rows, cost=rows * (SLOPES_ROW + pad_to(d[5], 16) * SLOPES_VALUE), in_place=in_place,
+                 work="slopes")
 
 
 def emit_binary(low, op, p, pairs):
@@ -113,8 +123,9 @@ def emit_binary(low, op, p, pairs):
     q.update({f"b{i}": sb[i] for i in range(6)})
     q.update({f"o{i}": so[i] for i in range(6)})
     q.update(p, function=BINARY["DIV" if pairs is not None else op.name], table=table)
-    net.step("BINARY", op, [va, vb], [out], q, rows, cost=binary_cost(d, (sa[5], sb[5], so[5]), pairs, table),
-             in_place=bool(same))
+    along = (sa[5], sb[5], so[5])
+    net.step("BINARY", op, [va, vb], [out], q, rows, cost=binary_cost(d, along, pairs, table), in_place=bool(same),
+             work=binary_work(op.name, along, pairs))
 
 
 def pool_cost(name, kh, kw, step, channels):
@@ -141,7 +152,8 @@ def pool(low, op):
     p = image(low, source, out)
     p.update(kh=kh, kw=kw, stride_y=sy, stride_x=sx, dilation_y=1, dilation_x=1, pad_top=top, pad_left=left,
              average=int(op.name == "AVERAGE_POOL_2D"), is_signed=int(ti.signed), act_min=lo, act_max=hi)
-    low.net.step("POOL", op, [source], [out], p, p["batch"] * p["out_h"], cost=p["batch"] * p["out_h"] * p["out_w"] * pool_cost(op.name, kh, kw, sx, to.shape[3]))
+    low.net.step("POOL", op, [source], [out], p, p["batch"] * p["out_h"], cost=p["batch"] * p["out_h"] * p["out_w"] * pool_cost(op.name, kh, kw, sx, to.shape[3]),
+                 work="average" if p["average"] else "largest")
 
 
 def reduce(low, op):
@@ -190,7 +202,7 @@ def reduce(low, op):
     rows = kept[0][0] * kept[1][0] * kept[2][0]
     together = kept[3][1] == 1  # neighbours are reduced at once
     cost = ti.size * (4 if kept[3][0] >= 16 else 8) if together else ti.size * 24 + to.size * 96
-    low.net.step("REDUCE", op, [source], [out], p, rows, cost=cost)
+    low.net.step("REDUCE", op, [source], [out], p, rows, cost=cost, work="reduce_together" if together else "reduce_alone")
 
 
 def resize(low, op):
@@ -209,7 +221,8 @@ def resize(low, op):
     if not nearest:
         exact_weights(p, tables)
     p["rows_table"], p["columns_table"] = (low.net.blob(table) for table in tables)
-    low.net.step("RESIZE", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (2 if nearest else 28))
+    low.net.step("RESIZE", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (2 if nearest else 28),
+                 work="nearest" if nearest else "bilinear")
 
 
 def scale_of(n_in, n_out, align):
@@ -302,9 +315,11 @@ def arg_max(low, op):
     out = low.output(op.outputs[0])
     outer = int(np.prod(ti.shape[:axis], dtype=np.int64))
     inner = int(np.prod(ti.shape[axis + 1:], dtype=np.int64))
-    p = dict(outer=outer, axis=ti.shape[axis], inner=inner, element_bytes=TYPE_BYTES[to.type],
+    if inner > 1:  # along the last axis a row is a pixel, so that units can be small
+        source = turned(low, op, low.net.derive(source, shape=(outer, ti.shape[axis], inner)))
+    p = dict(outer=outer * inner, axis=ti.shape[axis], inner=1, element_bytes=TYPE_BYTES[to.type],
              minimum=int(op.name == "ARG_MIN"))
-    low.net.step("ARG_MAX", op, [source], [out], p, outer, cost=ti.size * 8)
+    low.net.step("ARG_MAX", op, [source], [out], p, outer * inner, cost=ti.size * 8)
 
 
 def batch_matmul(low, op):
@@ -398,13 +413,14 @@ def detection_postprocess(low, op):
 
 
 def detection_steps(p):
-    """Steps as src/nn/op_detection.c makes them, and the cost of one: 24 multiply-accumulates per pair of boxes."""
+    """Steps as src/nn/op_detection.c makes them, and the cost of one: 24 multiply-accumulates per pair of boxes. Of regular suppression
+    each step of a class selects as many boxes as a unit has time for."""
     anchors, decode = p["anchors"], (p["anchors"] - 1) // 64 + 1
     if not p["regular_nms"]:
         return decode + p["max_detections"] + 2, max(24 * anchors, 64 * (1200 + 8 * p["classes"]))
-    selections = max((1 << 17) // anchors, 1)
-    per_class = (max(min(p["per_class"], anchors), 1) - 1) // selections + 1
-    return decode + p["classes"] * per_class + 1, 24 * min(selections, max(p["per_class"], 1)) * anchors
+    limit, selections = max(min(p["per_class"], anchors), 1), max(UNIT_COST // costs.scaled("detection", 24 * anchors), 1)
+    steps = (limit - 1) // selections + 1
+    return decode + p["classes"] * steps + 1, max(24 * ((limit - 1) // steps + 1) * anchors, 64 * 1200)
 
 
 OPERATORS = {name: binary for name in BINARY}

@@ -3,6 +3,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+import costs
 from graph import ImportProblem
 from layout import ALIGN, TYPE_BYTES
 
@@ -59,6 +60,8 @@ class Step:
     scratch: int = -1           # storage
     in_place: bool = False
     cost: int = 0
+    work: str = ""              # of which kind (costs.txt)
+    formula: int = 0            # its cost before the table of measured costs
 
 
 @dataclass
@@ -106,8 +109,9 @@ class Net:
                                  v.zero, v.source if source is None else source, dense if pixel is None else pixel))
         return len(self.values) - 1
 
-    def step(self, kind, op, inputs, outputs, params, rows, macs=0, cost=0, scratch=0, in_place=False):
-        """`rows`: independent slices, `cost`: work of all of them in multiply-accumulates or their like."""
+    def step(self, kind, op, inputs, outputs, params, rows, macs=0, cost=0, scratch=0, in_place=False, work=None):
+        """`rows`: independent slices, `cost`: work of all of them in multiply-accumulates or their like, of the kind `work` in costs.txt."""
+        work, cost = work or kind.lower(), max(int(cost), 1)
         number = len(self.steps)
         for i in inputs:
             s = self.storages[self.values[i].storage]
@@ -121,7 +125,7 @@ class Net:
             piece = self.storage(scratch)
             self.storages[piece].first = self.storages[piece].last = number
         self.steps.append(Step(kind, list(inputs), list(outputs), params, int(rows), int(macs), op.index, op.code,
-                               op.name, piece, in_place, max(int(cost), int(macs), 1)))
+                               op.name, piece, in_place, costs.scaled(work, cost), work, cost))
 
 
 def pad_to(value, multiple):

@@ -7,6 +7,7 @@
 #include <cmocka.h>
 
 #include "common/nn_golden.h"
+#include "common/nn_mutant.h"
 #include "nn/run.h"
 
 static uint8_t *new_arena(const struct fv_model *model, const struct nn_golden_model *g)
@@ -110,11 +111,64 @@ static void unit_by_unit_while_moving(void **state)
     }
 }
 
+/* A file with `rows` of its only operator, each a unit; NULL where it is refused. */
+static uint8_t *with_rows(const struct nn_golden_model *g, int32_t rows, struct fv_model *model)
+{
+    const int32_t unit = FV_NN_UNIT_COST;
+    struct fovea_error error;
+    uint32_t ops;
+    uint8_t *data = aligned_alloc(64, nn_golden_padded(g->model_bytes));
+    assert_non_null(data);
+    memcpy(data, g->model, g->model_bytes);
+    memcpy(&ops, data + 32, 4);
+    memcpy(data + ops + offsetof(struct fv_model_op, rows), &rows, 4);
+    memcpy(data + ops + offsetof(struct fv_model_op, row_cost), &unit, 4);
+    nn_mutant_seal(data, g->model_bytes);
+    if (fv_model_open(data, g->model_bytes, g->name, model, &error) == FOVEA_OK) return data;
+    assert_non_null(strstr(error.text, "rows is not what its steps make"));
+    free(data);
+    return NULL;
+}
+
+/* A class's suppression in as many steps as the file says, from one to one for each box. */
+static void suppression_in_any_steps(void **state)
+{
+    (void)state;
+    const struct nn_golden_model *g = golden.models;
+    while (strcmp(g->name, "regular suppression") != 0)
+        assert_true(++g < golden.models + golden.count);
+    struct fv_kernels kernels;
+    struct fv_model model;
+    fv_kernels_init(&kernels, FV_CPU_C);
+    open_model(g, &model);
+    const struct fv_op_detection p = model.ops[0].u.detection;
+    const int32_t steps = p.per_class < p.anchors ? p.per_class : p.anchors;
+    const int32_t others = (p.anchors - 1) / 64 + 2;
+    assert_true(p.regular_nms && steps > 3);
+    for (int32_t k = 1; k <= steps; k++) {
+        uint8_t *data = with_rows(g, others + p.classes * k, &model);
+        assert_non_null(data);
+        struct fv_nn_progress progress = {0, 0};
+        uint8_t *arena = new_arena(&model, g);
+        uint32_t done, units = 0;
+        while (fv_nn_run(&model, &kernels, arena, &progress, 1, &done) == FOVEA_AGAIN)
+            units++;
+        assert_int_equal(units + 1, others + p.classes * k);
+        compare(&model, g, arena, "in steps");
+        free(arena);
+        free(data);
+    }
+    assert_null(with_rows(g, others, &model));
+    assert_null(with_rows(g, others + p.classes + 1, &model));
+    assert_null(with_rows(g, others + p.classes * (steps + 1), &model));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(with_every_kernel_set),
         cmocka_unit_test(unit_by_unit_while_moving),
+        cmocka_unit_test(suppression_in_any_steps),
     };
     return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
 }
