@@ -29,9 +29,9 @@ enum fovea_tracking_state {
     /* pose from at least FOVEA_POSED_INLIERS_MIN landmarks: fewer than inliers_good, or of a young
      * map whose shape is not settled, or of one that does not agree with the pictures: matches made
      * without the map lie off their places in it, as where most of what is seen moves; or of a
-     * picture that is blurred or repeats the last; or of a part of a map that has next to no
-     * parallax; or known to no better than 10 mrad or 1 % of
-     * the depth of the scene, as where most of it is hidden */
+     * picture that is blurred, noisy or repeats the last; or of a part of a map that has next to no
+     * parallax; or known to no better than 10 mrad or 1 % of the depth of the scene, as where most
+     * of it is hidden */
     FOVEA_TRACKING_WEAK = 2,
     FOVEA_TRACKING_LOST = 3, /* no pose */
     /* pose by the inertial sensor alone, for at most 2 s; the covariance grows as it should */

@@ -1,5 +1,7 @@
 #include "features/front_end.h"
 
+#include "image/noise.h"
+
 void fv_front_end_carve_images(struct fv_front_end *f, const struct fovea_preprocess_config *chain,
                                uint32_t seen_by, const uint32_t looked_at[FV_VIEWER_COUNT],
                                int32_t width, int32_t height, uint32_t levels,
@@ -41,6 +43,11 @@ uint32_t fv_front_end_find(struct fv_front_end *f, const struct fv_kernels *kern
     if (f->describes)
         fv_orb_describe(&f->orb, kernels, &f->images.main, f->features.corners, count);
     return count;
+}
+
+uint32_t fv_front_end_noise(const struct fv_front_end *f)
+{
+    return fv_noise(fv_pyramid_level(&f->images.main, 0));
 }
 
 struct fv_front_end_found fv_front_end_found(const struct fv_front_end *f)

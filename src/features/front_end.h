@@ -58,6 +58,9 @@ void fv_front_end_take(struct fv_front_end *front_end, const struct fv_kernels *
 uint32_t fv_front_end_find(struct fv_front_end *front_end, const struct fv_kernels *kernels,
                            const struct fv_plane *mask, uint32_t count_asked);
 
+/* Noise of the image taken, as features see it (image/noise.h). Real-time safe. */
+uint32_t fv_front_end_noise(const struct fv_front_end *front_end);
+
 struct fv_front_end_found fv_front_end_found(const struct fv_front_end *front_end);
 
 /* Set what fv_seen_set and fv_features_set set: once after carving on memory, and for every change

@@ -272,10 +272,11 @@ static void write_pose(struct fv_odometry *o)
 }
 
 /* A metric map from this frame, or one from several. A picture that is old in part is none of them:
- * between it and a whole one a part of the world stands, and the rest has moved. */
+ * between it and a whole one a part of the world stands, and the rest has moved. Nor is a noisy
+ * one. */
 static bool begin_map(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    if (o->state->usable.patched) return false;
+    if (o->state->usable.patched || o->state->usable.noisy) return false;
     return fv_odometry_begin_metric(o) || fv_odometry_initialise(o, kernels);
 }
 
@@ -337,6 +338,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     s->localise.hint = input->hint;
     odometry_fill_view(o, input);
     fv_usable_picture(&s->usable, input->count, input->features, input->descriptors);
+    fv_usable_noise(&s->usable, input->noise);
     if (contradicted(o)) fv_odometry_give_up(o);
     if (s->state != FOVEA_TRACKING_STARTING) {
         localise_step(o, kernels);

@@ -104,12 +104,13 @@ struct fv_odometry {
     struct fv_saver saver;
 };
 
-/* What a step is given: the frame's features, in any order. */
+/* What a step is given: the frame's features, in any order, and the noise of its picture. */
 struct fv_odometry_input {
     int64_t stamp_ns;
     uint32_t count;
     const struct fovea_feature *features;
     const uint8_t *descriptors; /* 32 bytes each */
+    uint32_t noise;             /* as fv_noise tells it; 0: none */
     /* where a global shutter would have seen them (rolling.h); NULL: where they are */
     const struct fovea_feature *placed;
     /* measured, by feature, metres; NULL: none. Only where they were carved for */

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "geometry/vec.h"
+#include "image/noise.h"
 #include "odometry/odometry.h"
 
 enum {
@@ -19,8 +20,11 @@ enum {
  * 0.69 were found. */
 static const double repeated_fraction = 0.5, patched_fraction = 1.0 / 16;
 static const double blurred_fraction = 0.65; /* of the usual score */
-static const double follow = 0.2;            /* of a usable picture's score */
+static const double follow = 0.2;            /* of a usable picture's score and noise */
 static const double fall = 0.995;            /* per blurred picture: so lasts the memory */
+static const double noisy_times = 2.5;       /* the usual noise */
+static const double noise_least = 5;         /* grey levels, which may always be usual */
+static const double rise = 1.005;            /* per noisy picture */
 static const double predicted_min_px = 1;    /* less motion than this may end at once */
 static const double crept_px = 1;            /* since motion ended: it goes on, slowly */
 static const double frozen_fraction = 0.15;  /* of the motion predicted, above which it goes on */
@@ -70,6 +74,14 @@ void fv_usable_picture(struct fv_usable_state *s, uint32_t count,
         s->sharpness += follow * (score - s->sharpness);
     else
         s->sharpness = score;
+}
+
+void fv_usable_noise(struct fv_usable_state *s, uint32_t noise)
+{
+    const double found = (double)noise / FV_NOISE_ONE;
+    if (s->noise < noise_least) s->noise = noise_least;
+    s->noisy = found > noisy_times * s->noise;
+    s->noise = s->noisy ? rise * s->noise : s->noise + follow * (found - s->noise);
 }
 
 void fv_usable_forget(struct fv_usable_state *s)

@@ -212,6 +212,7 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
                                       .count = found.count,
                                       .features = found.features,
                                       .descriptors = found.descriptors,
+                                      .noise = fv_front_end_noise(&rt->front_end),
                                       .distances = measured ? rt->stereo.measured : NULL};
     fv_inertial_stage_predict(&rt->inertial, &rt->odometry, input.stamp_ns, &input.hint);
     place(rt, &input);

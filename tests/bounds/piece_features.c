@@ -27,7 +27,13 @@ static void take_image(void *context)
     fv_front_end_take(&f->rt->front_end, &f->rt->kernels, &f->image);
 }
 
-/* The dearest of all formats. */
+static void tell_noise(void *context)
+{
+    struct finding *f = context;
+    (void)fv_front_end_noise(&f->rt->front_end);
+}
+
+/* The dearest of all formats; noise is told after the last of them, of which much is in it. */
 static void of_images(struct finding *f)
 {
     const size_t pixels = (size_t)f->image.width * (size_t)f->image.height;
@@ -42,6 +48,7 @@ static void of_images(struct finding *f)
         f->image.stride_bytes = fovea_image_stride_min(f->image.format, f->image.width);
         NOTE(pixel_taken, take_image, f, (double)pixels);
     }
+    NOTE(noise_told, tell_noise, f, 1);
     free(data);
 }
 

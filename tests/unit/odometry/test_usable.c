@@ -1,4 +1,4 @@
-/* Pictures of no use: blurred ones and repeated ones are `weak` or lost, none becomes a keyframe,
+/* Pictures of no use: blurred, noisy and repeated ones are `weak` or lost, none becomes a keyframe,
  * and the covariance admits the way that the camera goes meanwhile. A camera that stands is no such
  * case. */
 #include <math.h>
@@ -12,6 +12,7 @@
 #include <cmocka.h>
 
 #include "common/sim_rig.h"
+#include "image/noise.h"
 #include "runtime/state.h"
 
 static struct sim_rig rig;
@@ -96,6 +97,13 @@ static void blurred_pictures_are_weak(void **state)
     check_faulty("blur", false);
     check_faulty("motion", false);
     check_faulty("blur&sigma=2", false);
+}
+
+static void noisy_pictures_are_weak(void **state)
+{
+    (void)state;
+    check_faulty("noise&amount=60", false);
+    check_faulty("noise&amount=16", false);
 }
 
 /* A lens that zooms by 3 % seems to step ahead. Where frames of it are called sure, their
@@ -282,11 +290,91 @@ static void no_map_begins_with_patched_pictures(void **unused)
     sim_rig_close(&rig);
 }
 
+/* The world, an exposure or its noise changes: none of it is a noisy picture. */
+static void what_cameras_do_is_not_noisy(void **unused)
+{
+    static const char *const uris[] = {
+        "sim:road?width=400&height=300",
+        "sim:corridor?width=400&height=300",
+        "fault:sim:orbit?width=400&height=300?kind=exposure&gain=4&first=20&shortest=10&longest=10&count=2",
+        "fault:sim:road?width=400&height=300?kind=exposure&gain=5&first=20&shortest=10&longest=10&count=2",
+        "fault:sim:orbit?width=400&height=300?kind=exposure&gain=0.1&first=20&shortest=10&longest=10&count=2",
+        "fault:sim:orbit?width=400&height=300?kind=noise&amount=6&first=20&shortest=10&longest=10&count=2",
+        "fault:sim:orbit?width=400&height=300?kind=black&first=20&shortest=10&longest=10&count=2",
+    };
+    (void)unused;
+    for (size_t i = 0; i < sizeof uris / sizeof *uris; i++) {
+        sim_rig_open(&rig, uris[i], 0, 60);
+        sim_rig_build(&rig);
+        while (sim_rig_next(&rig)) {
+            sim_rig_process(&rig);
+            assert_false(rig.rt->odometry.state->usable.noisy);
+        }
+        assert_int_equal(rig.frames, 60);
+        sim_rig_close(&rig);
+    }
+}
+
+/* Number of pictures that are noisy before `count` of that noise are taken as they are; `count`:
+ * all of them. */
+static uint32_t noisy_for(struct fv_usable_state *state, double grey_levels, uint32_t count)
+{
+    for (uint32_t n = 0; n < count; n++) {
+        fv_usable_noise(state, (uint32_t)(grey_levels * FV_NOISE_ONE));
+        if (fv_usable(state)) return n;
+    }
+    return count;
+}
+
+static void noise_is_judged_by_what_is_usual(void **unused)
+{
+    (void)unused;
+    static struct fv_usable_state state;
+    memset(&state, 0, sizeof state);
+    assert_int_equal(noisy_for(&state, 60, 30), 30); /* from the start */
+    for (int n = 0; n < 30; n++)
+        assert_int_equal(noisy_for(&state, 2, 1), 0); /* at once when it ends */
+    assert_int_equal(noisy_for(&state, 13, 30), 8);   /* a little more than is never judged */
+    memset(&state, 0, sizeof state);
+    assert_int_equal(noisy_for(&state, 12, 1), 0); /* texture, from one picture to the next */
+    memset(&state, 0, sizeof state);
+    assert_int_equal(noisy_for(&state, 20, 200), 95); /* a gain that stays */
+    for (int n = 0; n < 30; n++)
+        assert_int_equal(noisy_for(&state, 20, 1), 0);
+    assert_int_equal(noisy_for(&state, 48, 1), 0); /* of which this is not two and a half times */
+    memset(&state, 0, sizeof state);
+    assert_int_equal(noisy_for(&state, 60, 400), 315);
+    fv_usable_forget(&state); /* the map, not the camera */
+    assert_int_equal(noisy_for(&state, 60, 1), 0);
+    for (int n = 0; n < 30; n++)
+        assert_int_equal(noisy_for(&state, 2, 1), 0);
+    assert_int_equal(noisy_for(&state, 60, 30), 30);
+}
+
+/* A map begins before the noise or behind it. */
+static void no_map_begins_with_noisy_pictures(void **unused)
+{
+    enum { NOISY_TO = 25, BEGUN = 12, END = 60 };
+    int before = 0, tracking = 0;
+    (void)unused;
+    run("fault:sim:tour?seed=1&width=320&height=240?kind=noise&amount=16&first=1&shortest=24&longest=24&count=1",
+        END);
+    for (int n = 0; n < END; n++) {
+        before += n < NOISY_TO && rig.pose[n].posed;
+        tracking += rig.pose[n].state == FOVEA_TRACKING_OK;
+    }
+    printf("%d poses by noisy pictures, %d frames tracking\n", before, tracking);
+    assert_int_equal(before, 0);
+    assert_true(rig.pose[NOISY_TO + BEGUN].posed && 2 * tracking > END - NOISY_TO);
+    sim_rig_close(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frozen_pictures_are_weak),
         cmocka_unit_test(blurred_pictures_are_weak),
+        cmocka_unit_test(noisy_pictures_are_weak),
         cmocka_unit_test(a_lens_that_zooms_is_told),
         cmocka_unit_test(standing_is_not_frozen),
         cmocka_unit_test(old_features_tell),
@@ -294,6 +382,9 @@ int main(void)
         cmocka_unit_test(creeping_is_no_freeze),
         cmocka_unit_test(patched_pictures_are_weak),
         cmocka_unit_test(no_map_begins_with_patched_pictures),
+        cmocka_unit_test(what_cameras_do_is_not_noisy),
+        cmocka_unit_test(noise_is_judged_by_what_is_usual),
+        cmocka_unit_test(no_map_begins_with_noisy_pictures),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
