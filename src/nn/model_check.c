@@ -77,6 +77,8 @@ static const char *check_binary(const struct fv_check *c)
     FV_CHECK_REQUIRE(binary.function,
                      fv_check_between(p->function, FV_BINARY_ADD, FV_BINARY_SLOPES),
                      "no such function");
+    FV_CHECK_REQUIRE(binary.function, !alone || c->m->header->version >= FV_MODEL_VERSION,
+                     "slopes are not of this version of the format: import the .tflite file again");
     FV_CHECK_REQUIRE(binary.a,
                      walk_fits(p->dims, p->a, 6, 0, 1, fv_check_input(c, 0)) &&
                          (!alone || p->a[5] == 1),

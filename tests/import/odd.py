@@ -526,12 +526,41 @@ def channel_slopes(c):
     return [x], [z]
 
 
+def element_slopes(c):
+    """PRELU in real numbers with a slope for each element, row, column or picture, as Keras makes them; then nothing, a table, a part of a larger map."""
+    shape = (c.int(1, 2), c.int(1, 6), c.int(2, 6), c.int(1, 20)) if c.int(0, 5) else (c.int(1, 2), 30, c.int(37, 40), 30)
+    x = c.q(shape)
+    real, sloped, y = c.b.tensor("float32", shape), c.b.tensor("float32", shape), c.q(shape, float(np.exp(c.r.uniform(-4, -1))))
+    _, h, w, ch = shape
+    form = c.choose((h, w, ch), (h, w, ch), (h, w, 1), (h, 1, 1), (1, w, 1), (1, w, ch), (w, ch), shape)
+    few = c.int(0, 3) == 0
+    slopes = c.r.choice([-0.25, 0, 0.1, 40], form) if few else c.r.uniform(-0.5, 0.5, form)
+    c.b.op("DEQUANTIZE", [x], [real], "Dequantize")
+    c.b.op("PRELU", [real, c.b.const("float32", slopes)], [sloped])
+    last = sloped
+    if few and c.int(0, 1):  # no product: pairs of bytes
+        last = c.b.tensor("float32", shape)
+        c.b.op("ABS", [sloped], [last])
+    c.b.op("QUANTIZE", [last], [y], "Quantize")
+    end = c.int(0, 2)
+    if end == 0:
+        return [x], [y]
+    z = c.q(shape[:3] + (2 * ch,) if end == 1 else shape, *c.b.tensors[y][2], *c.b.tensors[y][3])
+    if end == 1:
+        other = c.q(shape, *c.b.tensors[y][2], *c.b.tensors[y][3])
+        c.b.op("CONCATENATION", [y, other], [z], "Concatenation", Axis=3)
+        return [x, other], [z]
+    else:
+        c.b.op("RELU", [y], [z])
+    return [x], [z]
+
+
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
     pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers,
     unary_ranges, softmax_axes, prelu_forms, matmul_forms, arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
-    open_sizes, dilated_by_batches, picture_in_planes, float_islands, channel_slopes)})
+    open_sizes, dilated_by_batches, picture_in_planes, float_islands, channel_slopes, element_slopes)})
 
 if __name__ == "__main__":
     sys.exit(operators.main())

@@ -63,13 +63,13 @@ def converted(name, before, after):
     return make
 
 
-def real_slopes(shape):
+def real_slopes(shape, form):
     """PRELU between DEQUANTIZE and QUANTIZE."""
     def make(c):
         x, z = c.q(shape, 0.03, 3), c.q(shape, 0.03, 3)
         real, sloped = c.b.tensor("float32", shape), c.b.tensor("float32", shape)
         c.b.op("DEQUANTIZE", [x], [real], "Dequantize")
-        c.b.op("PRELU", [real, c.b.const("float32", c.r.uniform(0, 0.4, (1, 1, shape[3])))], [sloped])
+        c.b.op("PRELU", [real, c.b.const("float32", c.r.uniform(0, 0.4, form))], [sloped])
         c.b.op("QUANTIZE", [sloped], [z], "Quantize")
         return [x], [z]
     return make
@@ -184,7 +184,8 @@ NETWORKS.update({f"{name[:-8].lower()} of {k} x {k}, {c} channels": pool(name, k
                  for k, s, c in ((2, 2, 3), (2, 2, 32), (3, 1, 32), (5, 1, 64), (7, 7, 3))})
 NETWORKS.update({f"{name}, operands apart": apart(name) for name in ("ADD", "SUB", "MUL", "PRELU", "MAXIMUM")})
 NETWORKS["DIV, two maps (uint8)"] = two("DIV", MAP, MAP)
-NETWORKS.update({f"PRELU of real numbers, {c} channels": real_slopes((1, 160, 160, c)) for c in (2, 19, 64)})
+NETWORKS.update({f"PRELU of real numbers, {c} channels": real_slopes((1, 160, 160, c), (1, 1, c)) for c in (2, 19, 64)})
+NETWORKS["PRELU of real numbers, by element"] = real_slopes(MAP, MAP[1:])
 NETWORKS.update({f"{name} over {axes}": reduced(name, axes) for name in ("MEAN", "SUM", "REDUCE_MAX") for axes in ([1, 2], [1], [3])})
 NETWORKS.update({f"CONCATENATION of {a} and {b} channels": joined((a, b)) for a, b in ((3, 1), (16, 8), (64, 64))})
 NETWORKS.update({f"PAD of {a} to {b}": padded(a, b, c) for a, b, c in ((100, 300, 32), (300, 302, 32), (700, 702, 3))})

@@ -1,5 +1,5 @@
 """Functions of real numbers between 8-bit tensors, as quantisers leave them where they know no 8-bit form: DEQUANTIZE, functions of one number,
-QUANTIZE become a table of 256 bytes, or of all pairs where a slope belongs to each channel. Arithmetic is that of the float kernels."""
+QUANTIZE become a table of 256 bytes, or of all pairs where a slope belongs to each channel or element. Arithmetic is that of the float kernels."""
 import numpy as np
 
 import quant
@@ -11,6 +11,7 @@ ONE = {"RELU": lambda x: max(x, f32(0)), "RELU6": lambda x: min(max(x, f32(0)), 
        "RELU_0_TO_1": lambda x: min(max(x, f32(0)), f32(1)), "ABS": abs, "NEG": lambda x: -x, "EXP": quant.exp_f32, "LOG": quant.log,
        "LOGISTIC": quant.logistic, "TANH": quant.tanh, "ELU": quant.elu, "SQRT": np.sqrt}
 TWO = {"ADD": lambda x, y: x + y, "SUB": lambda x, y: x - y, "MUL": lambda x, y: x * y, "DIV": lambda x, y: x / y, "MAXIMUM": max, "MINIMUM": min}
+KINDS = 1024  # different slopes whose bytes are computed at a time
 ACTIVATIONS = (lambda x: x, ONE["RELU"], ONE["RELU_N1_TO_1"], ONE["RELU6"])
 
 
@@ -34,7 +35,7 @@ def source_of(graph, op):
 
 
 def step_of(graph, op):
-    """What an operator does to a number, None: it is no function of one; of PRELU the slopes by channel."""
+    """What an operator does to a number, None: it is no function of one; of PRELU the slopes in order."""
     tensors = [graph.tensors[t] for t in op.inputs]
     if any(t.type != "FLOAT32" for t in tensors):
         return None
@@ -45,10 +46,9 @@ def step_of(graph, op):
         return lambda x: x if x > 0 else f32(x * alpha)
     if op.name == "PRELU":
         alpha = tensors[1]
-        if alpha.data is not None and alpha.size == 1:
-            return np.full(1, np.ravel(alpha.data)[0], f32)
-        of_channels = alpha.data is not None and alpha.size == alpha.shape[-1] == tensors[0].shape[-1]
-        return np.ravel(alpha.data).astype(f32) if of_channels else None
+        fits = alpha.data is not None and len(alpha.shape) <= len(tensors[0].shape) and \
+            all(a in (1, n) for a, n in zip(alpha.shape[::-1], tensors[0].shape[::-1]))
+        return np.ravel(alpha.data).astype(f32) if fits else None
     if op.name in TWO:
         constants = [t for t in tensors if t.data is not None]
         activation = op.options.FusedActivationFunction() if hasattr(op.options, "FusedActivationFunction") else 0
@@ -60,9 +60,26 @@ def step_of(graph, op):
 
 
 def to_bytes(values, tensor):
-    """QUANTIZE of real numbers, in unsigned form."""
-    scaled = [quant.round_away_f32(f32(f32(v) / tensor.scale0)) for v in values]
-    return np.array([min(255, max(0, (v if np.isfinite(v) else np.sign(v) * 1e9) + tensor.zero_u8)) for v in scaled], np.uint8)
+    """QUANTIZE of real numbers, in unsigned form; what is no number becomes 0."""
+    scaled = (values / tensor.scale0).astype(f32).astype(np.float64)
+    whole = np.trunc(scaled)
+    rounded = whole + np.where(np.abs(scaled - whole) < 0.5, 0, np.copysign(1, scaled))
+    rounded = np.where(np.isfinite(scaled), rounded, np.sign(scaled) * 1e9) + tensor.zero_u8
+    return np.where(np.isnan(rounded), 0, np.clip(rounded, 0, 255)).astype(np.uint8)
+
+
+def each(step, values):
+    """A function of one number for all of them, which are many times the same."""
+    numbers, where = np.unique(values.view(np.int32), return_inverse=True)  # by bits: zeros have signs
+    return np.array([f32(step(x)) for x in numbers.view(f32)], f32)[where].reshape(values.shape)
+
+
+def through(steps, x, slopes):
+    """`x` [n] through all steps, of which one may be PRELU: [n][slopes], float32."""
+    x = np.repeat(x.astype(f32)[:, None], len(slopes), 1)
+    for step in steps:
+        x = np.where(x >= 0, x, x * slopes) if isinstance(step, np.ndarray) else each(step, x)
+    return x
 
 
 def replace(graph, op, source, chain):
@@ -72,26 +89,21 @@ def replace(graph, op, source, chain):
     if len(slopes) > 1 or not to.is8:
         return
     kinds = np.unique(step_of(graph, slopes[0])) if slopes else np.zeros(1, f32)
-
-    def through(x, slope):
-        for step in steps:
-            if isinstance(step, np.ndarray):
-                x = x if x >= 0 else f32(x * slope)
-            else:
-                x = f32(step(x))
-        return x
+    table = np.zeros((256, max(len(kinds), 256)), np.uint8)
     with np.errstate(all="ignore"):
-        columns = [to_bytes([through(f32(x), slope) for x in dequantize_table(ti)], to) for slope in kinds]
+        for at in range(0, len(kinds), KINDS):
+            some = kinds[at:at + KINDS]
+            table[:, at:at + len(some)] = to_bytes(through(steps, dequantize_table(ti), some), to)
     op.inputs, op.options = [source], None
     if len(kinds) == 1:
-        op.name, op.custom = TABLE, {"table": columns[0], "end": chain[-1].name}
+        op.name, op.custom = TABLE, {"table": table[:, 0].copy(), "end": chain[-1].name}
         return
-    table = np.zeros((256, max(len(kinds), 256)), np.uint8)
-    table[:, :len(kinds)] = np.stack(columns, 1)
     few = len(kinds) <= 256
     which = np.searchsorted(kinds, step_of(graph, slopes[0])).astype(np.uint8 if few else np.int32)
+    alpha = graph.tensors[slopes[0].inputs[1]]
+    shape = (len(which),) if alpha.shape[-1] == len(which) else alpha.shape
     from graph import Tensor
-    graph.tensors.append(Tensor(-1, "", "UINT8" if few else "INT32", (len(which),), np.ones(1, f32), np.zeros(1, np.int64), 0, which))
+    graph.tensors.append(Tensor(-1, "", "UINT8" if few else "INT32", shape, np.ones(1, f32), np.zeros(1, np.int64), 0, which.reshape(shape)))
     op.name, op.custom = TABLE_PAIR, {"table": table}
     op.inputs.append(len(graph.tensors) - 1)
 

@@ -18,6 +18,7 @@ NORMALISE_DEPTH = 32768
 SLOPES_ROW, SLOPES_VALUE = 64, 8  # work in multiply-accumulates or their like
 SLOPES_JOINED = 128  # values in a row of joined pixels, at most
 VECTORS = ((1, 1, 1), (0, 1, 1), (1, 0, 1))  # strides along rows of which kernels make vectors
+SLOPES_PIECE, SLOPES_MISSING = 1 << 15, 64  # elements of a step, where each has a slope; of those without one, at most
 REDUCE_ROW = 256  # results of a slice, where there are more
 
 
@@ -69,6 +70,39 @@ def slopes_of(low, op, pairs, dims, sa, sb, so):
     return find(pairs, np.ravel(kinds), low.tensor(op.inputs[0]).zero_u8)
 
 
+def element_slopes(low, op, pairs):
+    """The same where the second operand tells elements apart: the kinds and slopes of all elements of the axes that it has, of which few may have
+    no slope; None: it is no such function."""
+    kinds, shape = low.tensor(op.inputs[1]).data, low.tensor(op.inputs[0]).shape
+    if op.name != "TABLE_PAIR" or kinds is None or kinds.ndim == 1:
+        return None
+    axes = kinds.ndim - next(i for i, n in enumerate(kinds.shape) if n > 1)
+    which = np.ravel(np.broadcast_to(kinds.reshape(kinds.shape[-axes:]), shape[-axes:]))
+    found = find(pairs, which, low.tensor(op.inputs[0]).zero_u8, SLOPES_MISSING)
+    return None if found is None else (which, *found)
+
+
+def emit_elements(low, op, out, pairs, found):
+    """Pieces of all elements, each with its part of the slopes; elements without one, some in a million, each by a table of pairs."""
+    net, (which, zero_out, slopes) = low.net, found
+    missing = np.flatnonzero(np.isnan(slopes))
+    slopes = np.nan_to_num(slopes)
+    source, size = low.dense_input(op.inputs[0]), len(slopes) - 1
+    rows = net.values[source].count // size
+    for at in range(0, size, SLOPES_PIECE):
+        count = min(SLOPES_PIECE, size - at)
+        values = [net.derive(v, net.values[v].offset + at, (rows, count), size) for v in (source, out)]
+        emit_slopes(low, op, *values, [1, 1, 1, 1, rows, count], *[[0, 0, 0, 0, size, 1]] * 2, (zero_out, np.append(slopes[at:at + count], slopes[-1:])), False)
+    if len(missing):
+        table, first = net.blob(np.pad(pairs[:, which[missing]], ((0, 0), (0, 256 - len(missing))))), net.storage(len(missing), bytes(range(len(missing))))
+    for i, at in enumerate(missing):
+        values = [net.derive(v, net.values[v].offset + int(at), (rows, 1), size) for v in (source, out)]
+        kind = net.derive(values[0], i, (1,), 1)
+        net.values[kind].storage, net.values[kind].source = first, -1
+        q = {"function": BINARY["DIV"], "act_max": 255, "table": table, "dim0": 1, "dim1": 1, "dim2": 1, "dim3": 1, "dim4": rows, "dim5": 1, "a4": size, "a5": 1, "o4": size, "o5": 1}
+        net.step("BINARY", op, [values[0], kind], [values[1]], q, rows, cost=rows * 96, work="pairs")
+
+
 def join_pixels(dims, sa, so, slopes):
     """Rows of few channels that follow each other become longer ones, whose whole vectors leave no rest if possible."""
     pixels, channels = dims[4:]
@@ -114,6 +148,10 @@ def emit_binary(low, op, p, pairs):
     slopes = slopes_of(low, op, after, d, sa, sb, so) if pairs is not None else None
     if slopes is not None:
         emit_slopes(low, op, va, out, d, sa, so, slopes, bool(same))
+        return
+    slopes = element_slopes(low, op, after) if pairs is not None else None
+    if slopes is not None:
+        emit_elements(low, op, out, after, slopes)
         return
     if pairs is not None and after.shape[1] > 256:
         raise ImportProblem(f"{low.describe(op)}: found {np.max(low.tensor(b).data) + 1} different slopes that no product of float32 equals, expected at most 256 of these")

@@ -168,6 +168,20 @@ static void hostile_slopes(void **state)
     }
 }
 
+/* Slopes in a file of a version that had none: another Fovea made it, and meant something else. */
+static void slopes_of_an_earlier_version(void **state)
+{
+    (void)state;
+    const uint32_t version = FV_MODEL_VERSION_STATELESS;
+    const struct nn_golden_model *g = named("channel slopes");
+    uint8_t *data = copy_of(g);
+    memcpy(data + 4, &version, 4);
+    nn_mutant_seal(data, g->model_bytes);
+    refused(data, g->model_bytes,
+            "not of this version of the format: import the .tflite file again");
+    free(data);
+}
+
 /* A walk over a tensor that stays where it is along one axis is in bounds however long it is. */
 static void more_work_than_data(void **state)
 {
@@ -266,13 +280,10 @@ static void ten_thousand_mutants(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(foreign_and_cut_files),
-        cmocka_unit_test(hostile_words),
-        cmocka_unit_test(hostile_products),
-        cmocka_unit_test(hostile_functions),
-        cmocka_unit_test(hostile_slopes),
-        cmocka_unit_test(more_work_than_data),
-        cmocka_unit_test(cycle),
+        cmocka_unit_test(foreign_and_cut_files), cmocka_unit_test(hostile_words),
+        cmocka_unit_test(hostile_products),      cmocka_unit_test(hostile_functions),
+        cmocka_unit_test(hostile_slopes),        cmocka_unit_test(slopes_of_an_earlier_version),
+        cmocka_unit_test(more_work_than_data),   cmocka_unit_test(cycle),
         cmocka_unit_test(ten_thousand_mutants),
     };
     return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
