@@ -27,6 +27,7 @@ static const double noise_least = 5;         /* grey levels, which may always be
 static const double rise = 1.005;            /* per noisy picture */
 static const double predicted_min_px = 1;    /* less motion than this may end at once */
 static const double crept_px = 1;            /* since motion ended: it goes on, slowly */
+static const double crept_noisy_px = 3;      /* the same, where pictures are noisy */
 static const double frozen_fraction = 0.15;  /* of the motion predicted, above which it goes on */
 static const double frozen_px = 0.1;         /* noise of a pose, in the image */
 static const double across = 0.3; /* of the way: the uncertainty to its sides, as where it turns */
@@ -127,9 +128,12 @@ void fv_odometry_judge_freeze(struct fv_odometry *o, const struct fv_map_frame *
     const bool ended =
         expected_px >= predicted_min_px && found_px < frozen_px + frozen_fraction * expected_px;
     if (!s->frozen) s->frozen_at = *T_last;
-    /* The motion model stays that of the frames before, so what froze is still held against it. */
+    /* The motion model stays that of the frames before, so what froze is still held against it.
+     * From one noisy picture to the next a pose jumps by more than what ends a freeze. */
+    const bool jumps = s->frozen && s->noisy;
     s->frozen = s->repeated ||
-                (motion->known && ended && image_motion_px(o, frame, &s->frozen_at, T) < crept_px);
+                (((motion->known && ended) || jumps) &&
+                 image_motion_px(o, frame, &s->frozen_at, T) < (jumps ? crept_noisy_px : crept_px));
 }
 
 void fv_odometry_add_freeze(struct fv_odometry *o, const struct fv_map_frame *frame)

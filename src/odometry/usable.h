@@ -17,8 +17,9 @@
  * hidden of it. Else what tells is that all motion ends from one picture to the next, which mass
  * does not: a car that brakes, however hard, still moves in the next frame. Motion is by time, so
  * the frame behind a gap says nothing of the next. What creeps on is no repeated picture: a pixel
- * of it, all told, ends the freeze. While the picture stays, the camera may stand or go on, so the
- * way that it would have gone since is added to the covariance.
+ * of it, all told, ends the freeze; three where they are noisy, since poses then jump by up to 1.8
+ * while nothing moves. While the picture stays, the camera may stand or go on, so the way that it
+ * would have gone since is added to the covariance.
  *
  * Patched: some of the features are exactly those of one of the last eight pictures, as after a
  * transfer that broke off: what is old says that the camera stands. A picture from before an outage

@@ -89,6 +89,7 @@ static void frozen_pictures_are_weak(void **state)
     check_faulty("freeze", true);
     check_faulty("freeze,noise&amount=3", true);
     check_faulty("freeze,recompress", true);
+    check_faulty("freeze,noise&amount=60", true);
 }
 
 static void blurred_pictures_are_weak(void **state)
