@@ -48,7 +48,7 @@ struct fv_inertial_known {
     bool claimed;
     double scale, scale_sigma; /* metres per unit of world; relative */
     double gravity[3];         /* m/s^2 */
-    double gravity_sigma;      /* rad, of an axis */
+    double gravity_sigma;      /* rad, of an axis; at least what a map tilts by while it grows */
     bool settled;              /* gravity is known well enough to turn `odom` by it */
     struct fv_imu_biases biases;
     double bias_covariance[21]; /* gyro, acceleration; upper triangle by rows */

@@ -147,6 +147,33 @@ static void metres_and_gravity_come_in_one_change(void **state)
     sim_rig_close(&rig);
 }
 
+/* Gravity in the body's axes, against its stated sigma in both directions across: a chi-square of
+ * two degrees of freedom, beyond 11.8 once in 400 times. */
+static void gravity_is_as_sure_as_it_says(void **state)
+{
+    (void)state;
+    static const char *const uris[] = {"sim:fast?" SHAPE "seed=12&baseline=0.11",
+                                       "sim:corridor?" SHAPE "seed=12"};
+    for (int i = 0; i < 2; i++) {
+        int known = 0, beyond = 0;
+        double sum = 0;
+        open_rig(uris[i], 300, FOVEA_SENSORS_AUTO);
+        while (next(true)) {
+            take_body();
+            if (!(body.gravity_sigma > 0)) continue;
+            const double off = gravity_error() * 3.14159265 / 180 / body.gravity_sigma;
+            known++;
+            beyond += off * off > 11.8;
+            sum += off * off / 2;
+        }
+        print_message("%s: %d frames, NEES per degree of freedom %.2f, %d beyond 3 sigma\n",
+                      uris[i], known, sum / known, beyond);
+        assert_true(known > 100);
+        assert_true(sum < 3 * known && beyond * 20 <= known);
+        sim_rig_close(&rig);
+    }
+}
+
 /* Black pictures: the pose goes on for 2 s, within its covariance, and comes back. */
 static void poses_go_on_without_pictures(void **state)
 {
@@ -377,6 +404,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(metres_and_gravity_come_in_one_change),
+        cmocka_unit_test(gravity_is_as_sure_as_it_says),
         cmocka_unit_test(poses_go_on_without_pictures),
         cmocka_unit_test(no_metres_without_motion),
         cmocka_unit_test(mono_keeps_its_bits),
