@@ -39,7 +39,8 @@ static int32_t room_of(struct batch *b, int32_t left)
     return left < b->most - b->count ? left : b->most - b->count;
 }
 
-/* Output pixels of one axis whose kernel lies inside the image: [begin, end). */
+/* Output pixels of one axis whose kernel lies inside the image: [begin, end), none where end is not
+ * larger. */
 static void inside_of(int32_t in, int32_t out, int32_t span, int32_t stride, int32_t pad,
                       int32_t *begin, int32_t *end)
 {
@@ -47,6 +48,7 @@ static void inside_of(int32_t in, int32_t out, int32_t span, int32_t stride, int
     const int32_t past = room < 0 ? 0 : room / stride + 1;
     *end = past < out ? past : out;
     *begin = first < *end ? first : *end;
+    if (*begin < 0) *begin = 0;
 }
 
 /* Four weights of a channel, from k on, of which `used` count. */

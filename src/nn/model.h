@@ -128,7 +128,8 @@ struct fv_op_conv {
     int32_t weights;         /* int8 [out_c / 16][k4][16][4], k in order ky, kx, channel */
     int32_t bias, multiplier, shift, table;
     /* Where output pixels lie that are not neighbours, as those of one phase of a transposed
-     * convolution: bytes before the first, and from row to row; 0: rows follow without gap. */
+     * convolution, or of some columns alone, whose pad_left may be below zero: bytes before the
+     * first, and from row to row; 0: rows follow without gap. */
     int32_t out_first, out_row;
 };
 struct fv_op_depthwise {

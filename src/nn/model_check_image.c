@@ -54,12 +54,14 @@ static const char *check_image(const struct fv_check *c, const struct fv_op_imag
     return check_images(c, im, 0, 0);
 }
 
-static const char *check_window(const struct fv_check *c, const struct fv_op_window *w)
+/* `left`: the least that may lie left of the image; below zero output columns begin inside. */
+static const char *check_window(const struct fv_check *c, const struct fv_op_window *w,
+                                int32_t left)
 {
     const int32_t *v = &w->kh;
     for (int32_t i = 0; i < 8; i++) {
         *c->word = 25 + i;
-        if (!fv_check_between(v[i], i < 6 ? 1 : 0, i < 4 ? 1024 : 4096))
+        if (!fv_check_between(v[i], i < 6 ? 1 : i < 7 ? 0 : left, i < 4 ? 1024 : 4096))
             return "the window is out of range";
     }
     return NULL;
@@ -75,7 +77,7 @@ const char *fv_check_conv(const struct fv_check *c)
 {
     const struct fv_op_conv *p = &c->op->u.conv;
     const char *fault = check_images(c, &p->image, p->out_first, p->out_row);
-    if (fault == NULL) fault = check_window(c, &p->window);
+    if (fault == NULL) fault = check_window(c, &p->window, -p->image.in_w);
     if (fault != NULL) return fault;
     const int64_t k = (int64_t)p->window.kh * p->window.kw * p->image.in_c;
     FV_CHECK_REQUIRE(conv.k, p->k == k && k <= 1 << 22, "not kernel height x width x channels");
@@ -112,7 +114,7 @@ const char *fv_check_depthwise(const struct fv_check *c)
 {
     const struct fv_op_depthwise *p = &c->op->u.depthwise;
     const char *fault = check_image(c, &p->image);
-    if (fault == NULL) fault = check_window(c, &p->window);
+    if (fault == NULL) fault = check_window(c, &p->window, 0);
     if (fault != NULL) return fault;
     FV_CHECK_REQUIRE(depthwise.image.out_c, p->image.in_c == p->image.out_c,
                      "not the input's channels");
@@ -151,7 +153,7 @@ const char *fv_check_pool(const struct fv_check *c)
 {
     const struct fv_op_pool *p = &c->op->u.pool;
     const char *fault = check_image(c, &p->image);
-    if (fault == NULL) fault = check_window(c, &p->window);
+    if (fault == NULL) fault = check_window(c, &p->window, 0);
     if (fault != NULL) return fault;
     FV_CHECK_REQUIRE(pool.image.out_c, p->image.in_c == p->image.out_c, "not the input's channels");
     FV_CHECK_REQUIRE(pool.average, fv_check_between(p->average, 0, 1), "not 0 or 1");

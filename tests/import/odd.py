@@ -241,6 +241,24 @@ def constant_functions(c):
     return [x], [z]
 
 
+def wide_images(c):
+    """Convolutions of which one row is more than a unit of work: several steps write their columns."""
+    kind, width, ic, oc = c.int(0, 3), c.int(150, 400), c.int(20, 40), c.int(60, 130)
+    if kind == 0:
+        x = image(c, 2, width, ic)
+        weights, scales = c.weights((oc, 3, 3, ic), oc, 0)
+        y = c.q((c.b.tensors[x][1][0], 4, 2 * width, oc), 0.03 * float(np.mean(scales)) * 3000)
+        c.b.op("TRANSPOSE_CONV", [c.b.const("int32", c.b.tensors[y][1]), weights, x], [y], "TransposeConv", StrideH=2, StrideW=2, Padding=0)
+        return [x], [y]
+    x = image(c, c.int(1, 5), width if kind < 3 else c.choose(width, 640), ic * (1 if kind < 3 else 8))
+    y = conv(c, x, oc, c.int(2, 5) if kind < 3 else 1, activation=c.choose(0, 1, 3))
+    if c.int(0, 1):
+        return [x], [y]
+    s = c.q(c.b.tensors[y][1], 1 / 256, 0 if c.dtype == "uint8" else -128)
+    c.b.op("LOGISTIC", [y], [s])
+    return [x], [s]
+
+
 def wide_layers(c):
     """Layers of which one row, or one pixel's weights, are more than a unit of work: several steps write their channels."""
     kind = c.int(0, 3)
@@ -558,7 +576,7 @@ def element_slopes(c):
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
-    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers,
+    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers, wide_images,
     unary_ranges, softmax_axes, prelu_forms, matmul_forms, arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
     open_sizes, dilated_by_batches, picture_in_planes, float_islands, channel_slopes, element_slopes)})
 

@@ -90,6 +90,9 @@ def bias_of(low, op, channels, place=2):
     return np.ravel(tensor.data).astype(np.int64)
 
 
+COLUMNS_LEAST = 16  # of a piece: it reads all weights
+
+
 def gemm_cost(rows, width, n, k, kh, single):
     """Of rows of `width` pixels, in sixteenths of a nanosecond: products, the rounding of results, windows of `kh` rows that are gathered (0: none are),
     and the weights, which each unit reads anew."""
@@ -104,11 +107,17 @@ def gemm_work(single):
 
 
 def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, geometry, act, table, single=0):
-    """A convolution as a matrix product: weights [n][k] in signed form. One of which a row is more than a unit's work becomes several
-    of fewer output channels, 64 at least: with fewer the kernels are slow."""
+    """A convolution as a matrix product: weights [n][k] in signed form. One of which a row is more than a unit's work becomes several, of fewer
+    columns where these are many, else of fewer output channels, 64 at least: with fewer the kernels are slow."""
     vo, (n, k) = low.net.values[index_out], weights.shape
     batch, height, width = (geometry.get(name, vo.shape[i]) for i, name in enumerate(("batch", "out_h", "out_w")))
     rows, work, gathered = batch * height, gemm_work(single), 0 if is_pointwise(geometry) else geometry["kh"]
+    count = -(-costs.scaled(work, gemm_cost(rows, width, n, k, gathered, single)) // (rows * UNIT_COST))
+    pieces = column_pieces(low, index_in, index_out, geometry, width, count) if not single and width >= COLUMNS_LEAST * count > COLUMNS_LEAST else []
+    for piece in pieces:
+        emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, {**geometry, **piece}, act, table)
+    if pieces:
+        return
     most = max(rows * UNIT_COST // costs.scaled(work, gemm_cost(rows, width, 64, k, gathered, single)), 1) * 64
     size = pad_to(-(-n // -(-n // most)), 64)
     for first in range(0, n, size):
@@ -116,6 +125,18 @@ def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
         out = index_out if size >= n else \
             low.net.derive(index_out, vo.offset + first, vo.shape[:3] + (part.stop - first,), vo.pixel)
         emit_part(low, op, index_in, out, weights[part], w_zero, bias[part], mult[part], shift[part], geometry, act, table, single)
+
+
+def column_pieces(low, index_in, index_out, geometry, width, count):
+    """What differs in the geometry of `count` pieces, each of some columns. Where each pixel is its own window shorter rows do the same."""
+    p = {**image(low, index_in, index_out), "out_first": 0, "out_row": 0, **geometry}
+    same = is_pointwise(p) and not p["pad_top"] and not p["pad_left"] and (p["in_h"], p["in_w"]) == (p["out_h"], p["out_w"])
+    parts = next((f for f in range(count, width + 1) if width % f == 0), 1)
+    if same and not p["out_row"] and width // parts >= COLUMNS_LEAST // 2:
+        return [{name: p[name] * parts if name[-1] == "h" else width // parts for name in ("in_h", "in_w", "out_h", "out_w")}]
+    ends = [width * i // count for i in range(count + 1)]
+    return [{"out_w": end - at, "pad_left": p["pad_left"] - at * p["stride_x"], "out_first": p["out_first"] + at * p["out_stride"],
+             "out_row": p["out_row"] or width * p["out_stride"]} for at, end in zip(ends, ends[1:])]
 
 
 def is_pointwise(p):

@@ -79,14 +79,24 @@ static void hostile_words(void **state)
         int32_t word, value;
         const char *text;
     } cases[] = {
-        {0, 99, "unknown kind"},        {3, 7, "operand count"},
-        {5, 100000, "no such tensor"},  {13, 1000000, "rows do not match"},
-        {14, 100000, "no such tensor"}, {15, 0, "row cost"},
-        {16, -1, "side of the image"},  {17, 1 << 19, "does not fit its tensor"},
-        {20, 1, "pixels overlap"},      {25, 0, "window"},
-        {33, 3, "kernel height"},       {34, 1, "k / 4"},
-        {35, 300, "zero points"},       {41, 1 << 30, "weights lie outside"},
-        {42, 4, "biases lie outside"},  {45, 1 << 28, "table lies outside"},
+        {0, 99, "unknown kind"},
+        {3, 7, "operand count"},
+        {5, 100000, "no such tensor"},
+        {13, 1000000, "rows do not match"},
+        {14, 100000, "no such tensor"},
+        {15, 0, "row cost"},
+        {16, -1, "side of the image"},
+        {17, 1 << 19, "does not fit its tensor"},
+        {20, 1, "pixels overlap"},
+        {25, 0, "window"},
+        {31, -1, "window"},
+        {32, -4096, "window"},
+        {33, 3, "kernel height"},
+        {34, 1, "k / 4"},
+        {35, 300, "zero points"},
+        {41, 1 << 30, "weights lie outside"},
+        {42, 4, "biases lie outside"},
+        {45, 1 << 28, "table lies outside"},
     };
     const struct nn_golden_model *g = named("CONV_2D int8");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {

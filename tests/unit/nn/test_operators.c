@@ -163,12 +163,66 @@ static void suppression_in_any_steps(void **state)
     assert_null(with_rows(g, others + p.classes * (steps + 1), &model));
 }
 
+/* The columns of a convolution from `from` on alone: its output's bytes before them stay. */
+static void check_columns(const struct nn_golden_model *g, const struct fv_kernels *kernels,
+                          int32_t from)
+{
+    uint8_t *data = aligned_alloc(64, nn_golden_padded(g->model_bytes));
+    uint32_t at, done;
+    struct fv_model model;
+    struct fovea_error error;
+    struct fv_nn_progress progress = {0, 0};
+    assert_non_null(data);
+    memcpy(data, g->model, g->model_bytes);
+    memcpy(&at, data + 32, 4);
+    struct fv_op_conv *c = &((struct fv_model_op *)(void *)(data + at))->u.conv;
+    const int32_t pixel = c->image.out_stride, width = c->image.out_w;
+    c->image.out_w -= from;
+    c->window.pad_left -= from * c->window.stride_x;
+    c->out_first = from * pixel;
+    c->out_row = width * pixel;
+    nn_mutant_seal(data, g->model_bytes);
+    if (fv_model_open(data, g->model_bytes, g->name, &model, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    uint8_t *arena = new_arena(&model, g), *out = fv_nn_tensor(&model, arena, model.outputs[0]);
+    memset(out, 0x5A, (size_t)model.tensors[model.outputs[0]].bytes);
+    assert_int_equal(fv_nn_run(&model, kernels, arena, &progress, UINT32_MAX, &done), FOVEA_OK);
+    for (int32_t i = 0; i < model.tensors[model.outputs[0]].bytes; i++)
+        assert_int_equal(out[i], i / pixel % width < from ? 0x5A : g->outputs[i]);
+    free(arena);
+    free(data);
+}
+
+static void columns_of_convolutions(void **state)
+{
+    (void)state;
+    int checked = 0;
+    for (int i = 0; i < golden.count; i++) {
+        struct fv_model model;
+        open_model(&golden.models[i], &model);
+        const struct fv_op_conv c = model.ops[0].u.conv;
+        if (model.header->op_count != 1 || model.ops[0].kind != FV_OP_CONV || c.single_rounding ||
+            c.out_row != 0 || model.ops[0].scratch < 0)
+            continue;
+        for (int32_t from = 1; from < c.image.out_w; from++) {
+            for (int set = 0; set < FV_CPU_SET_COUNT; set++) {
+                struct fv_kernels kernels;
+                fv_kernels_init(&kernels, (enum fv_cpu_set)set);
+                check_columns(&golden.models[i], &kernels, from);
+                checked++;
+            }
+        }
+    }
+    assert_true(checked > 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(with_every_kernel_set),
         cmocka_unit_test(unit_by_unit_while_moving),
         cmocka_unit_test(suppression_in_any_steps),
+        cmocka_unit_test(columns_of_convolutions),
     };
     return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
 }
