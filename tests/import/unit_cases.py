@@ -199,6 +199,6 @@ NETWORKS["bilinear resize"] = resized("RESIZE_BILINEAR", "ResizeBilinear")
 NETWORKS["nearest resize"] = resized("RESIZE_NEAREST_NEIGHBOR", "ResizeNearestNeighbor")
 NETWORKS.update({f"ARG_MAX of 21, axis {axis}": largest(axis) for axis in (3, 1)})
 NETWORKS.update({f"CONV {k} x {k}, {i} to {o}": conv(h, i, o, k, s) for h, i, o, k, s in ((320, 1, 1, 1, 1), (320, 8, 4, 1, 1), (512, 3, 16, 6, 2),
-                                                                                        (160, 1, 16, 5, 1), (20, 256, 256, 3, 1), (480, 64, 64, 3, 1))})
+                                                                                        (160, 1, 16, 5, 1), (20, 256, 256, 3, 1), (480, 64, 64, 3, 1), (7, 1024, 1024, 3, 1))})
 NETWORKS.update({f"DEPTHWISE {k} x {k}, {c} channels": depthwise(h, c, k) for h, c, k in ((224, 3, 3), (160, 32, 5), (20, 100, 9))})
 NETWORKS.update({f"FULLY_CONNECTED {k} to {n}, {r} rows": connected(r, n, k) for r, n, k in ((400, 64, 64), (1, 4096, 4096))})

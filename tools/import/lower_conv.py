@@ -108,7 +108,8 @@ def gemm_work(single):
 
 def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, geometry, act, table, single=0):
     """A convolution as a matrix product: weights [n][k] in signed form. One of which a row is more than a unit's work becomes several, of fewer
-    columns where these are many, else of fewer output channels, 64 at least: with fewer the kernels are slow."""
+    columns where these are many, else of fewer output channels, 64 at least where that is enough: with fewer the
+    kernels are slow."""
     vo, (n, k) = low.net.values[index_out], weights.shape
     batch, height, width = (geometry.get(name, vo.shape[i]) for i, name in enumerate(("batch", "out_h", "out_w")))
     rows, work, gathered = batch * height, gemm_work(single), 0 if is_pointwise(geometry) else geometry["kh"]
@@ -118,8 +119,9 @@ def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
         emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, {**geometry, **piece}, act, table)
     if pieces:
         return
-    most = max(rows * UNIT_COST // costs.scaled(work, gemm_cost(rows, width, 64, k, gathered, single)), 1) * 64
-    size = pad_to(-(-n // -(-n // most)), 64)
+    fits = [rows * UNIT_COST // costs.scaled(work, gemm_cost(rows, width, channels, k, gathered, single)) for channels in (64, 32)]
+    step = 64 if fits[0] else 32
+    size = pad_to(-(-n // -(-n // (max(fits[step == 32], 1) * step))), step)
     for first in range(0, n, size):
         part = slice(first, min(first + size, n))
         out = index_out if size >= n else \
