@@ -141,8 +141,11 @@ enum fovea_status fv_run_files_apart(struct fv_run *run, struct fovea_error *err
     if (status == FOVEA_OK) status = fv_files_apart(written.files, saved.files, error);
     if (status == FOVEA_OK) status = maps_apart(saved.files, read, error);
     if (status == FOVEA_OK) status = loaded_apart(run, written.files, saved.files, error);
-    if (status == FOVEA_OK)
-        picture_apart(run, (const struct fv_file *const[]){written.files, saved.files, read}, 3);
+    if (status == FOVEA_OK) {
+        const struct fv_file loaded[] = {{"--map", run->settings.map_load}, {0}};
+        const struct fv_file *const others[] = {written.files, saved.files, read, loaded};
+        picture_apart(run, others, sizeof others / sizeof others[0]);
+    }
     if (status != FOVEA_OK || run->settings.map_save[0] == '\0') return status;
     status = fv_map_file_probe(run->settings.map_save, error);
     if (status != FOVEA_OK) fv_settings_blame(&run->settings, "map.save", error);

@@ -223,27 +223,36 @@ static void heights_are_not_written_over_what_is_read(void **state)
     memset(settings, 0, sizeof settings);
 }
 
-/* The picture that is drawn unasked is left out where another output has its name. */
-static void the_unasked_picture_takes_no_output(void **state)
+/* The file of `option` has the name of the picture that is drawn unasked, and keeps it. */
+static void assert_not_drawn_over(const char *option)
 {
-    static const char *const options[] = {"--stats", "--save-map", "--truth"};
     const char *name = "fovea-run.png";
     char said[96], first[4] = "";
+    if (run("sim:orbit?width=96&height=64", option, name) != FV_EXIT_OK) fail_msg("%s", line);
+    snprintf(said, sizeof said, "no picture is drawn: the picture: found %s, the file of %s", name,
+             option);
+    if (strstr(line, said) == NULL) fail_msg("%s", line);
+    FILE *file = fopen(fv_test_path(folder, name), "rb");
+    assert_non_null(file);
+    assert_int_equal(fread(first, 1, sizeof first, file), sizeof first);
+    fclose(file);
+    assert_memory_not_equal(first, "\x89PNG", sizeof first);
+}
+
+/* It is left out where another output, or what is read, has its name. */
+static void the_unasked_picture_takes_no_other_file(void **state)
+{
+    static const char *const outputs[] = {"--stats", "--truth", "--save-map"};
+    const char *name = "fovea-run.png";
     (void)state;
     loud = true;
-    for (size_t i = 0; i < sizeof options / sizeof options[0]; i++) {
+    for (size_t i = 0; i < sizeof outputs / sizeof outputs[0]; i++) {
         unlink(fv_test_path(folder, name));
-        if (run("sim:orbit?width=96&height=64", options[i], name) != FV_EXIT_OK)
-            fail_msg("%s", line);
-        snprintf(said, sizeof said, "no picture is drawn: the picture: found %s, the file of %s",
-                 name, options[i]);
-        if (strstr(line, said) == NULL) fail_msg("%s", line);
-        FILE *file = fopen(fv_test_path(folder, name), "rb");
-        assert_non_null(file);
-        assert_int_equal(fread(first, 1, sizeof first, file), sizeof first);
-        fclose(file);
-        assert_memory_not_equal(first, "\x89PNG", sizeof first);
+        assert_not_drawn_over(outputs[i]);
     }
+    assert_not_drawn_over("--map"); /* the one that was saved last */
+    fv_test_write_text(fv_test_path(folder, name), "features: {count_max: 500}\n");
+    assert_not_drawn_over("--config");
     unlink(fv_test_path(folder, name));
     if (run("sim:orbit?width=96&height=64", "--stats", "other") != FV_EXIT_OK) fail_msg("%s", line);
     assert_null(strstr(line, "picture"));
@@ -324,7 +333,7 @@ int main(void)
         cmocka_unit_test(a_folder_of_images_takes_no_recordings),
         cmocka_unit_test(an_output_beside_a_data_set_is_written),
         cmocka_unit_test(heights_are_not_written_over_what_is_read),
-        cmocka_unit_test(the_unasked_picture_takes_no_output),
+        cmocka_unit_test(the_unasked_picture_takes_no_other_file),
         cmocka_unit_test(names_of_other_pictures_are_refused),
         cmocka_unit_test(a_loaded_map_is_not_renamed_away),
     };
