@@ -222,6 +222,14 @@ static void list_fusing(struct fv_closure_state *s, const struct fv_map *map)
     s->fuse_at = 0;
 }
 
+/* Where a map that was left is entered again, its `odom` has the unit that it had. */
+static void stretch_left(struct fv_map_state *s, uint32_t map_id, const struct fv_sim3 *stretch)
+{
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX; i++)
+        if (s->left[i].map_id == map_id)
+            fv_sim3_compose(stretch, &s->left[i].S_map_world, &s->left[i].S_map_world);
+}
+
 /* Corrections by which the younger of two maps goes to the world of the older one. Where only the
  * own map is in metres it stays so: the other's lengths change. */
 static void bring_together(struct fv_closure *closure, struct fv_map *map, uint32_t own,
@@ -241,7 +249,10 @@ static void bring_together(struct fv_closure *closure, struct fv_map *map, uint3
     }
     correct_map(closure, map, is_younger ? own : others, &S, false);
     share_unit(closure, map, s->keyframe.slot, s->candidates[s->candidate].slot);
-    if (stretched) correct_map(closure, map, others, &stretch, true);
+    if (stretched) {
+        correct_map(closure, map, others, &stretch, true);
+        stretch_left(map->state, others, &stretch);
+    }
     outcome->stretched_map = others;
     outcome->stretch = stretch.s;
 }
