@@ -8,7 +8,7 @@ HEADER_BYTES = 512
 TENSOR_WORDS, OP_WORDS, PARAM_WORDS = 16, 64, 48
 CONV_PIXELS = 48           # output pixels gathered at a time
 DEPTHWISE_COLUMNS = 72     # input columns interleaved at a time
-UNIT_COST = 4000000        # multiply-accumulates of a unit (FV_NN_UNIT_COST)
+UNIT_COST = 4000000        # of a unit, in sixteenths of a nanosecond (FV_NN_UNIT_COST)
 ARENA_SLACK = 64           # bytes that kernels may read past the last tensor
 
 TYPES = {"UINT8": 0, "INT8": 0, "BOOL": 0, "INT32": 1, "INT64": 2, "FLOAT32": 3}

@@ -88,8 +88,8 @@ static void the_most_is_bounded(void **state)
     assert_int_equal(fv_noise(&plane), FV_NOISE_MAX);
 }
 
-/* All pixels lie in a buffer of just their size, whose end sanitizers watch; the last pixels of a
- * row and of a column count, and nothing of the gap behind a row. */
+/* All pixels lie in a buffer of just their size, whose end sanitizers watch; nothing of the gap
+ * behind a row counts. */
 static void the_smallest_picture_is_enough(void **state)
 {
     static const int32_t sizes[][2] = {{FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN},
