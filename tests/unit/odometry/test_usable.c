@@ -209,6 +209,36 @@ static void creeping_is_no_freeze(void **state)
     sim_rig_close(&rig);
 }
 
+/* Whether a freeze goes on where poses are `px` from where motion ended, and from the last. */
+static bool goes_on(double px, bool noisy)
+{
+    struct fv_odometry *o = &rig.rt->odometry;
+    struct fv_usable_state *s = &o->state->usable;
+    const struct fv_map_frame frame = fv_map_frame_at(&o->map, fv_map_current(&o->map));
+    const double turn[3] = {0, px / o->map.camera->fx, 0};
+    struct fv_se3 off, T_last;
+    fv_so3_exp(turn, off.R);
+    memset(off.t, 0, sizeof off.t);
+    fv_se3_compose(&off, &frame.keyframe->T_cam_world, &T_last);
+    s->frozen = true;
+    s->noisy = noisy;
+    s->frozen_at = T_last;
+    fv_odometry_judge_freeze(o, &frame, &T_last, &frame.keyframe->T_cam_world);
+    return s->frozen;
+}
+
+/* What ends a freeze where pictures are clear does not where they are noisy. */
+static void noise_alone_ends_no_freeze(void **state)
+{
+    (void)state;
+    run("sim:orbit?width=400&height=300", 30);
+    assert_true(rig.pose[29].posed);
+    assert_true(goes_on(1.8, true));
+    assert_false(goes_on(1.8, false));
+    assert_false(goes_on(3.5, true));
+    sim_rig_close(&rig);
+}
+
 enum { FEATURES = 400 };
 static struct fovea_feature features[FEATURES];
 static uint8_t descriptors[FEATURES][32];
@@ -217,9 +247,9 @@ static uint8_t descriptors[FEATURES][32];
 static void show(struct fv_usable_state *state, uint32_t first, uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++) {
-        const uint32_t number = first + i;
-        features[i] = (struct fovea_feature){
-            .x_px = (float)(number % 97), .y_px = (float)(number / 97), .score = 50};
+        const uint32_t number = first + i, row = number / 97;
+        features[i] =
+            (struct fovea_feature){.x_px = (float)(number % 97), .y_px = (float)row, .score = 50};
         memset(descriptors[i], (int)(number * 31 % 251), sizeof descriptors[i]);
     }
     fv_usable_picture(state, count, features, descriptors[0]);
@@ -381,6 +411,7 @@ int main(void)
         cmocka_unit_test(old_features_tell),
         cmocka_unit_test(a_gap_is_no_freeze),
         cmocka_unit_test(creeping_is_no_freeze),
+        cmocka_unit_test(noise_alone_ends_no_freeze),
         cmocka_unit_test(patched_pictures_are_weak),
         cmocka_unit_test(no_map_begins_with_patched_pictures),
         cmocka_unit_test(what_cameras_do_is_not_noisy),
