@@ -136,6 +136,20 @@ static void a_gap_wider_than_the_robot_is_passed(void **state)
     assert_true(arrives(&farthest) && farthest > 0.8 && farthest < 1.2);
 }
 
+/* The edge of what is occupied may lie a cell nearer than the grid has it, and the robot anywhere
+ * in its own cell: three cells from the next that is occupied it may touch. */
+static void three_cells_from_a_wall_are_a_squeeze(void **state)
+{
+    double price[2];
+    (void)state;
+    begin(3, 0, FREE);
+    fill(1.4, 1.6, -5, 5, OCCUPIED);
+    plan();
+    for (int i = 0; i < 2; i++)
+        price[i] = navigate_price(&planner, navigate_cell(&planner, 1.15 - 0.1 * i, 0));
+    assert_true(price[0] > 5 * price[1] && price[1] > 1 && price[1] < 10);
+}
+
 static void a_gap_narrower_than_the_robot_is_not(void **state)
 {
     double farthest;
@@ -557,6 +571,7 @@ int main(void)
         cmocka_unit_test(it_goes_straight_at_any_angle),
         cmocka_unit_test(it_goes_round_a_wall),
         cmocka_unit_test(a_gap_wider_than_the_robot_is_passed),
+        cmocka_unit_test(three_cells_from_a_wall_are_a_squeeze),
         cmocka_unit_test(a_gap_narrower_than_the_robot_is_not),
         cmocka_unit_test(what_is_suspected_is_looked_at_from_near),
         cmocka_unit_test(what_comes_to_free_floor_is_suspected),

@@ -45,12 +45,12 @@ static void find_gaps(const struct navigate *n, enum navigate_kind kind, float *
             take_nearest(n, gap, x, y, 1);
 }
 
-/* Where the robot does not fit beside what is occupied, the price is that of a squeeze, which it
- * pays only to leave a place where it already is. Where it does not fit beside what is suspected
- * the price is lower: from near the robot will see whether something is there. */
+/* Where the robot has not its margin beside what is occupied, the price is that of a squeeze, which
+ * it pays to leave a place where it already is, and where no other way leads on. Beside what is
+ * suspected the price is lower: from near the robot will see whether something is there. */
 double navigate_price(const struct navigate *n, int32_t cell)
 {
-    const double gap = (double)n->gap[cell], fits = n->robot.radius_m + 0.5 * navigate_margin_m,
+    const double gap = (double)n->gap[cell], fits = n->robot.radius_m + navigate_margin_m,
                  wide = n->robot.radius_m + navigate_margin_m + wide_m;
     if (n->kind[cell] >= NAVIGATE_SUSPECTED) return 0;
     const double price = n->kind[cell] == NAVIGATE_UNKNOWN ? unknown_price : 1;
