@@ -184,11 +184,12 @@ static inline void offer(uint32_t n)
     fv_closure_offer(&w.closure, &w.map, &w.place, &words, slot);
 }
 
-static inline void camera_in_odom(double centre[3])
+/* Where a keyframe, or the current frame, has its camera. */
+static inline void centre_in_odom(uint32_t slot, double centre[3])
 {
     const double origin[3] = {0, 0, 0};
     struct fv_sim3 S_odom_map;
-    fv_se3_apply_inverse(&w.map.keyframes[fv_map_current(&w.map)].T_cam_world, origin, centre);
+    fv_se3_apply_inverse(&w.map.keyframes[slot].T_cam_world, origin, centre);
     fv_sim3_invert(&w.map.state->S_map_world, &S_odom_map);
     fv_sim3_apply(&S_odom_map, centre, centre);
 }
@@ -208,9 +209,9 @@ static inline bool work(bool grow)
             add_keyframe();
             grow = false;
         }
-        camera_in_odom(before);
+        centre_in_odom(fv_map_current(&w.map), before);
         (void)fv_closure_unit(&w.closure, &w.map, &w.kernels, &outcome);
-        camera_in_odom(after);
+        centre_in_odom(fv_map_current(&w.map), after);
         for (int k = 0; k < 3; k++)
             assert_true(fabs(after[k] - before[k]) < 1e-9);
         committed |= outcome.committed;

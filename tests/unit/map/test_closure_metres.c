@@ -50,18 +50,22 @@ static void make_first_map(const double x[7])
     }
 }
 
+/* Right closures are all taken, with the noise that pixels have and drift over some keyframes. */
 static void test_metres_stay_metres(void **context)
 {
     (void)context;
-    make_metric_world(5);
-    hold_metres();
-    assert_true(go_round());
-    assert_true(w.closure.state->correction.s == 1);
-    assert_true(fv_map_metric(&w.map) && w.map.state->S_map_world.s == 1);
-    assert_true(fabs(distance_off(w.count - 1, 2)) < 0.2);
-    for (uint32_t i = 0; i < w.closure.graph.state->node_count; i++)
-        assert_true(fabs(w.closure.graph.nodes[i].S.s - 1) < 1e-12);
-    free(w.memory);
+    for (uint64_t seed = 1; seed <= 12; seed++) {
+        make_metric_world(seed);
+        hold_metres();
+        assert_true(go_round());
+        assert_int_equal(w.closure.state->counts.implausible, 0);
+        assert_true(w.closure.state->correction.s == 1);
+        assert_true(fv_map_metric(&w.map) && w.map.state->S_map_world.s == 1);
+        assert_true(fabs(distance_off(w.count - 1, 2)) < 0.2);
+        for (uint32_t i = 0; i < w.closure.graph.state->node_count; i++)
+            assert_true(fabs(w.closure.graph.nodes[i].S.s - 1) < 1e-12);
+        free(w.memory);
+    }
 }
 
 /* The same place, but that its lengths are 9 % others: of metres that is not so. */
@@ -138,15 +142,6 @@ static bool go_round_to_commit(void)
         }
     }
     return false;
-}
-
-static void centre_in_odom(uint32_t slot, double centre[3])
-{
-    const double origin[3] = {0, 0, 0};
-    struct fv_sim3 S_odom_map;
-    fv_se3_apply_inverse(&w.map.keyframes[slot].T_cam_world, origin, centre);
-    fv_sim3_invert(&w.map.state->S_map_world, &S_odom_map);
-    fv_sim3_apply(&S_odom_map, centre, centre);
 }
 
 /* Both maps were left when one comes to metres: entered again, its `odom` is what it was. */
