@@ -51,9 +51,9 @@ uint32_t fv_noise(const struct fv_plane *plane)
         for (int c = 0; c < COLUMNS; c++) {
             const uint8_t *at = fv_plane_row(plane, place(r, ROWS, HEIGHT, plane->height)) +
                                 place(c, COLUMNS, WIDTH, plane->width);
-            const uint32_t told =
+            const uint32_t noise_here =
                 (roughness(at, plane->stride) * GAIN + (1U << (SHIFT - 1))) >> SHIFT;
-            blocks[told < FV_NOISE_MAX ? told : FV_NOISE_MAX]++;
+            blocks[noise_here < FV_NOISE_MAX ? noise_here : FV_NOISE_MAX]++;
         }
     while ((below += blocks[noise]) <= QUARTER)
         noise++;

@@ -8,14 +8,17 @@
 extern "C" {
 #endif
 
-enum { FV_NOISE_ONE = 8, FV_NOISE_MAX = 511 }; /* steps in a grey level; the most that is told */
+enum {
+    FV_NOISE_ONE = 8,  /* steps of the result in one grey level */
+    FV_NOISE_MAX = 511 /* the largest result; more noise gives this too */
+};
 
 /* Standard deviation of the noise of a picture of FOVEA_IMAGE_WIDTH_MIN x FOVEA_IMAGE_HEIGHT_MIN or
  * more, in 1/8 grey levels: the lower quartile over 192 blocks of 16x8 pixels, spread over it, of
  * the mean magnitude of the response to a mask that sees neither planes nor edges along rows and
- * columns (Immerkaer, Fast noise variance estimation, 1996). White noise is told 5 to 10 % too low;
- * texture as fine as a pixel counts where it covers three quarters of the picture. Integers: the
- * same on every machine. Real-time safe; the same work for every picture. */
+ * columns (Immerkaer, Fast noise variance estimation, 1996). The result is 5 to 10 % low in white
+ * noise; texture as fine as a pixel counts where it covers three quarters of the picture. Integers:
+ * the same on every machine. Real-time safe; the same work for every picture. */
 uint32_t fv_noise(const struct fv_plane *plane);
 
 #ifdef __cplusplus

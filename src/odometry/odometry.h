@@ -110,7 +110,7 @@ struct fv_odometry_input {
     uint32_t count;
     const struct fovea_feature *features;
     const uint8_t *descriptors; /* 32 bytes each */
-    uint32_t noise;             /* as fv_noise tells it; 0: none */
+    uint32_t noise;             /* as fv_noise measures it; 0: none */
     /* where a global shutter would have seen them (rolling.h); NULL: where they are */
     const struct fovea_feature *placed;
     /* measured, by feature, metres; NULL: none. Only where they were carved for */

@@ -7,8 +7,8 @@
  * is followed.
  *
  * Noisy: the noise (image/noise.h) is over 12.5 grey levels, and two and a half times that of the
- * pictures before it. On recordings it is at most 2.2, in simulation 2.4, and 5 where four times
- * the light comes in; in the roughest of 396 photographs 11.3, so that texture does not tell. A
+ * pictures before it. On recordings it is at most 2.2, in simulation 2.5, and 5 where four times
+ * the light comes in; the roughest of 396 photographs has 11.3, so texture alone is not noisy. A
  * camera that is noisy for good is taken as it is, after 95 pictures of a noise of 20 and 315
  * of 60. What is usual belongs to the camera: another map changes nothing of it.
  *
@@ -17,7 +17,7 @@
  * hidden of it. Else what tells is that all motion ends from one picture to the next, which mass
  * does not: a car that brakes, however hard, still moves in the next frame. Motion is by time, so
  * the frame behind a gap says nothing of the next. What creeps on is no repeated picture: a pixel
- * of it, all told, ends the freeze; three where they are noisy, since poses then jump by up to 1.8
+ * of it in all ends the freeze; three where pictures are noisy, since poses then jump by up to 1.8
  * while nothing moves. While the picture stays, the camera may stand or go on, so the way that it
  * would have gone since is added to the covariance.
  *
@@ -66,7 +66,7 @@ struct fv_map_frame;
 /* A new picture's features and descriptors (32 bytes each). */
 void fv_usable_picture(struct fv_usable_state *state, uint32_t count,
                        const struct fovea_feature *features, const uint8_t *descriptors);
-/* And its noise, as fv_noise tells it. */
+/* And its noise, as fv_noise measures it. */
 void fv_usable_noise(struct fv_usable_state *state, uint32_t noise);
 /* Another map: the sharpness that is usual is found out anew. */
 void fv_usable_forget(struct fv_usable_state *state);

@@ -27,13 +27,13 @@ static void take_image(void *context)
     fv_front_end_take(&f->rt->front_end, &f->rt->kernels, &f->image);
 }
 
-static void tell_noise(void *context)
+static void measure_noise(void *context)
 {
     struct finding *f = context;
     (void)fv_front_end_noise(&f->rt->front_end);
 }
 
-/* The dearest of all formats; noise is told after the last of them, of which much is in it. */
+/* The format that costs most. Noise is measured in the picture of the last one, which is random. */
 static void of_images(struct finding *f)
 {
     const size_t pixels = (size_t)f->image.width * (size_t)f->image.height;
@@ -48,7 +48,7 @@ static void of_images(struct finding *f)
         f->image.stride_bytes = fovea_image_stride_min(f->image.format, f->image.width);
         NOTE(pixel_taken, take_image, f, (double)pixels);
     }
-    NOTE(noise_told, tell_noise, f, 1);
+    NOTE(noise_measured, measure_noise, f, 1);
     free(data);
 }
 

@@ -24,7 +24,7 @@
     /* odometry: a frame */                                                                        \
     ROW(frame_filled, "features sorted into the grid, with their bearings")                        \
     ROW(frame_usable, "features compared with those of earlier pictures")                          \
-    ROW(noise_told, "the noise of the picture")                                                    \
+    ROW(noise_measured, "the noise of the picture")                                                \
     ROW(recent_matched, "landmarks of the last frame, each searched among all features")           \
     ROW(local_matched, "the local map, each landmark searched among all features")                 \
     ROW(observations, "matches to observations")                                                   \

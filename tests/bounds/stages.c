@@ -251,7 +251,7 @@ static void derive_odometry(const struct capacities *c)
     struct bound *b = bound_of("odometry");
     TERM(b, BOUND_ALWAYS, 1, frame_filled);
     TERM(b, BOUND_ALWAYS, 1, frame_usable);
-    TERM(b, BOUND_ALWAYS, 1, noise_told);
+    TERM(b, BOUND_ALWAYS, 1, noise_measured);
     TERM(b, BOUND_ALWAYS, 1, published);
     TERM(b, BOUND_ALWAYS, 1, map_given_up);
     derive_tracking(b, 1, c);

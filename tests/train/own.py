@@ -48,19 +48,26 @@ def drawn(r, scenes, each):
     return images, names, boxes
 
 
+def refuses(words, option, text):
+    """In one line, which names the option, what was found and what was expected."""
+    said, status = io.StringIO(), None
+    try:
+        with contextlib.redirect_stderr(said):
+            options.parse([*words, f"{option}={text}"])
+    except SystemExit as end:
+        status = end.code
+    last = said.getvalue().strip().split("\n")[-1]
+    holds(f"{option} {text} is refused", status == 2 and f"argument {option}: found {text}, expected a " in last, last)
+
+
 def wrong_numbers():
-    """One line names the option, what was found and what was expected."""
-    own = ["own-segmentation", "pictures", "masks", "-o", "m.fvm"]
+    pixels = ["own-segmentation", "pictures", "masks", "-o", "m.fvm"]
     for option, text in (("--minutes", "-5"), ("--minutes", "0"), ("--minutes", "nan"), ("--minutes", "soon"), ("--steps", "0"), ("--steps", "2.5"), ("--seed", "-1")):
-        said, status = io.StringIO(), None
-        try:
-            with contextlib.redirect_stderr(said):
-                options.parse([*own, f"{option}={text}"])
-        except SystemExit as end:
-            status = end.code
-        last = said.getvalue().strip().split("\n")[-1]
-        holds(f"{option} {text} is refused", status == 2 and f"argument {option}: found {text}, expected a " in last, last)
-    given = options.parse([*own, "--minutes=0.5", "--steps=7", "--seed=0"])
+        refuses(pixels, option, text)
+    refuses(["own", "pictures", "-o", "m.fvm"], "--score", "1.5")
+    for option, text in (("--rate", "0"), ("--part", "-0.1"), ("--batch", "0"), ("--worlds", "none"), ("--data-seed", "4294967296")):
+        refuses(["shipped-segmentation"], option, text)
+    given = options.parse([*pixels, "--minutes=0.5", "--steps=7", "--seed=0"])
     holds("numbers in range are taken", (given.minutes, given.steps, given.seed) == (0.5, 7, 0), given)
 
 

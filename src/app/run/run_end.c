@@ -177,14 +177,20 @@ static void path_print(const struct fv_run *run, const struct fv_trajectory_summ
                calibration.reason);
 }
 
+/* Whether a network, 0 the first, has labelled the pixels of an image. */
+static bool has_labelled(const struct fv_run *run, uint32_t network)
+{
+    struct fovea_segmentation seen;
+    fovea_segmentation_get(run->loop.rt, network, &seen);
+    return seen.count > 0 && seen.list[0].object < 0;
+}
+
 /* Of a network, 0 the first: what it found, or that it labels pixels. */
 static void network_print(const struct fv_run *run, uint32_t network, uint64_t found,
                           uint64_t inferences)
 {
-    struct fovea_segmentation seen;
-    fovea_segmentation_get(run->loop.rt, network, &seen);
     printf("  %s", network == 0 ? "" : "the second network ");
-    if (seen.count > 0 && seen.list[0].object < 0)
+    if (has_labelled(run, network))
         printf("labelled the pixels of %" PRIu64 " images", inferences);
     else
         printf("found %" PRIu64 " detections in %" PRIu64 " images", found, inferences);
@@ -225,7 +231,7 @@ static const char *no_cell(const struct fv_run *run)
     struct fovea_pose pose;
     fovea_pose_get(run->loop.rt, &pose);
     if (run->watch.state == FV_WATCH_LOST) return "the pose is lost";
-    if (run->inferences + run->inferences2 == 0) return "no image was labelled";
+    if (!has_labelled(run, 0) && !has_labelled(run, 1)) return "no image was labelled";
     if (pose.scale_source == FOVEA_SCALE_FREE) return "poses are not in metres";
     return "no mask showed the floor near the robot";
 }

@@ -1,4 +1,4 @@
-/* The noise of a picture: white noise is told, a little too low; what covers less than three
+/* The noise of a picture: white noise is measured, a little too low; what covers less than three
  * quarters of a picture, planes and edges along rows and columns are none; the smallest and
  * narrowest pictures, without a pixel beyond them. */
 #include <math.h>
@@ -19,7 +19,7 @@ enum { WIDTH = 320, HEIGHT = 240 };
 static uint8_t pixels[WIDTH * HEIGHT];
 static const struct fv_plane plane = {pixels, WIDTH, HEIGHT, WIDTH};
 
-static double told(void)
+static double measured(void)
 {
     return (double)fv_noise(&plane) / FV_NOISE_ONE;
 }
@@ -44,7 +44,7 @@ static void a_ramp_with_edges(void)
             pixels[y * WIDTH + x] = (uint8_t)(60 + x / 8 + (x % 37 < 18 ? 60 : 0) + y / 5);
 }
 
-static void white_noise_is_told(void **state)
+static void white_noise_is_measured(void **state)
 {
     static const double deviations[] = {1, 2, 5, 10, 20, 30};
     (void)state;
@@ -52,15 +52,15 @@ static void white_noise_is_told(void **state)
         const double deviation = deviations[i];
         memset(pixels, 128, sizeof pixels);
         add_noise(deviation, HEIGHT);
-        print_message("noise of %g: told %g\n", deviation, told());
-        assert_true(fabs(told() - 0.93 * deviation) < 0.03 * deviation + 0.1);
+        print_message("noise of %g: measured %g\n", deviation, measured());
+        assert_true(fabs(measured() - 0.93 * deviation) < 0.03 * deviation + 0.1);
     }
     memset(pixels, 128, sizeof pixels);
     add_noise(60, HEIGHT); /* cut off at both ends */
-    assert_true(told() > 48 && told() < 60);
+    assert_true(measured() > 48 && measured() < 60);
     memset(pixels, 255, sizeof pixels);
     add_noise(60, HEIGHT); /* half of it cut off */
-    assert_true(told() > 25);
+    assert_true(measured() > 25);
 }
 
 static void what_is_plain_is_no_noise(void **state)
@@ -69,14 +69,14 @@ static void what_is_plain_is_no_noise(void **state)
     memset(pixels, 200, sizeof pixels);
     assert_int_equal(fv_noise(&plane), 0);
     a_ramp_with_edges();
-    print_message("a ramp with edges: told %g\n", told());
-    assert_true(told() < 0.5);
+    print_message("a ramp with edges: measured %g\n", measured());
+    assert_true(measured() < 0.5);
     add_noise(40, HEIGHT * 2 / 3); /* texture over two thirds of the picture */
-    print_message("a third of it without noise: told %g\n", told());
-    assert_true(told() < 0.5);
+    print_message("a third of it without noise: measured %g\n", measured());
+    assert_true(measured() < 0.5);
     a_ramp_with_edges();
     add_noise(40, HEIGHT * 5 / 6);
-    assert_true(told() > 20);
+    assert_true(measured() > 20);
 }
 
 /* Every second pixel black, the others white: the strongest response that there is. */
@@ -119,7 +119,7 @@ static void the_smallest_picture_is_enough(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(white_noise_is_told),
+        cmocka_unit_test(white_noise_is_measured),
         cmocka_unit_test(what_is_plain_is_no_noise),
         cmocka_unit_test(the_most_is_bounded),
         cmocka_unit_test(the_smallest_picture_is_enough),

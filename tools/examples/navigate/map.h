@@ -5,8 +5,8 @@
 
 #include "plan.h"
 
-/* Kept between the robot's edge and what is occupied, for an edge may be a cell or two nearer than
- * the grid has it. */
+/* Ways keep it between the robot's edge and what is occupied, where they can: an edge may be a cell
+ * or two nearer than the grid has it. Steering stops where half of it is left. */
 static const double navigate_margin_m = 0.12;
 
 /* The cell at a place; -1: outside the grid. */
