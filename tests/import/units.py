@@ -1,6 +1,6 @@
 """The longest unit of each network, in milliseconds of processor time, the least of several runs, on every kernel set: of the models in
 $FOVEA_DATA and those shipped, and of operators alone in shapes that estimates of work get wrong (unit_cases.py). A unit is to take 0.25 ms at
-most on the machines that tools/import/costs.txt was measured on; of another one it tells how far it is from that.
+most on the machines that tools/import/costs.txt was measured on; on another one the table shows how far it is from that.
 
     python3 tests/import/units.py [--sets sse4,avx2] [--runs 7] [NAME...]      as a table; exit 1 where a unit takes longer
     python3 tests/import/units.py --renew PROCESSOR [--sets ...]               measure tools/import/costs.txt anew, for these sets"""
@@ -27,7 +27,7 @@ from write import Writer
 
 MOST_MS = 0.25
 COST_MS = MOST_MS / UNIT_COST  # of one that a formula says
-ENOUGH = 0.5  # of a unit's cost: what is smaller tells more of the call than of the work
+ENOUGH = 0.5  # of a unit's cost: in what is smaller the call itself takes most of the time
 
 
 def sets_here():

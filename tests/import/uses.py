@@ -392,7 +392,7 @@ def units(bench):
         raw = bench.run(b.bytes([x, y], [z]), "--decoder", "none").raw
         found[figures] = int(np.frombuffer(raw, "<i4", 64, struct.unpack_from("<I", raw, 32)[0])[15])
     COSTS.TABLE = kept
-    bench.holds("units are cut by the dearest set", [round(cost / found[100, 100, 0], 2) for cost in found.values()], [1, 3, 3, 3])
+    bench.holds("units are cut by the slowest set", [round(cost / found[100, 100, 0], 2) for cost in found.values()], [1, 3, 3, 3])
     path = os.path.join(bench.folder, "costs.txt")
     COSTS.write({**kept, "add_rows": dict(zip(COSTS.SETS, (7, 0, 9)))}, ["# by hand\n"], path)
     bench.holds("a table of costs is read as it was written", [COSTS.comment(path), list(COSTS.read(path)["add_rows"].values())] == [["# by hand\n"], [7, 0, 9]]

@@ -1,5 +1,5 @@
 """What work takes on each kernel set, over what its formula (`cost` in lower_*.py) says: the table costs.txt, measured by
-`tests/import/units.py --renew`. Units are cut by the dearest set, so that cuts are the same on all of them."""
+`tests/import/units.py --renew`. Units are cut by the slowest set, so that cuts are the same on all of them."""
 import os
 
 from layout import UNIT_COST
@@ -41,5 +41,5 @@ def room(work):
 
 
 def scaled(work, cost):
-    """A formula's cost as time of the dearest set, in sixteenths of a nanosecond."""
+    """A formula's cost as time of the slowest set, in sixteenths of a nanosecond."""
     return -(-int(cost) * max(TABLE[work].values()) * MARGIN // 10000)
