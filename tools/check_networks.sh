@@ -68,6 +68,10 @@ for test in operators variants odd; do
     echo "== $test, sizes left open"
     "$python" "tests/import/$test.py" --open --rounds "$rounds" || failed=1
 done
+for test in operators odd; do
+    echo "== $test, in as many parts as there can be"
+    "$python" "tests/import/$test.py" --parts --rounds "$rounds" || failed=1
+done
 sets="c neon dotprod"
 [ "$(uname -m)" = x86_64 ] && sets="c sse4 avx2 avxvnni avx512"
 for set in ${3:-$sets}; do

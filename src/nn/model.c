@@ -62,11 +62,11 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
     }
     if (h->version < FV_MODEL_VERSION_STATELESS)
         return fail(error, name, 4, "the version of the model format", h->version,
-                    "2 to 4: only the Fovea before 0.1 that made it reads it, import the .tflite "
+                    "2 to 5: only the Fovea before 0.1 that made it reads it, import the .tflite "
                     "file again");
     if (h->version > FV_MODEL_VERSION)
         return fail(error, name, 4, "the version of the model format", h->version,
-                    "2 to 4: a later Fovea made it and reads it, or import the .tflite file again");
+                    "2 to 5: a later Fovea made it and reads it, or import the .tflite file again");
     if (h->file_bytes != bytes)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte 8: the stated size is %llu, expected the file's %zu", name,
@@ -101,7 +101,7 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
         return fail(
             error, name, offsetof(struct fv_model_header, state_count), "the number of states",
             h->state_count,
-            "0 in version 2, 1 to 16 in version 3, at most 16 in version 4, inside the file");
+            "0 in version 2, 1 to 16 in version 3, at most 16 in later ones, inside the file");
     }
     if (h->label_count > FV_MODEL_LABELS_MAX || !fits(h, h->labels, h->label_bytes, 1)) {
         return fail(error, name, 52, "the label count", h->label_count,

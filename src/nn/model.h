@@ -15,9 +15,10 @@
  * pixels lie `pixel_stride` bytes apart.
  *
  * Operators stand in the order in which they run; each reads only inputs, constants and what an
- * earlier one wrote. The work of an operator is cut into `rows` slices that are independent of each
- * other; `row_cost` estimates one slice, in sixteenths of a nanosecond of the kernel set that takes
- * longest (tools/import/costs.txt).
+ * earlier one wrote. The work of an operator is cut into `rows` slices, done in order; `row_cost`
+ * estimates one slice, in sixteenths of a nanosecond of the kernel set that takes longest
+ * (tools/import/costs.txt). Where `parts` is above 1 so many slices make what else is one: sums
+ * that such a cut leaves open stand in scratch until the next slice.
  *
  * A state is a tensor that keeps its bytes from run to run. Its bytes are values minus their zero
  * point, so that zeroed memory is the real zero. One FV_OP_COPY reads it, into the tensor that was
@@ -40,7 +41,8 @@ extern "C" {
 #endif
 
 enum {
-    FV_MODEL_VERSION = 4,           /* of files with FV_BINARY_SLOPES */
+    FV_MODEL_VERSION = 5,           /* of files with operators in parts */
+    FV_MODEL_VERSION_SLOPES = 4,    /* of other files with FV_BINARY_SLOPES */
     FV_MODEL_VERSION_STATES = 3,    /* of other files with states */
     FV_MODEL_VERSION_STATELESS = 2, /* of other files without states */
     FV_MODEL_HEADER_BYTES = 512,
@@ -52,7 +54,8 @@ enum {
     FV_MODEL_ARENA_BYTES_MAX = 1 << 28,
     FV_MODEL_IO_MAX = 16,
     FV_MODEL_LABELS_MAX = 4096,
-    FV_MODEL_CONV_PIXELS = 48, /* output pixels gathered at a time */
+    FV_MODEL_CONV_PIXELS = 48,  /* output pixels gathered at a time */
+    FV_MODEL_REDUCE_LANES = 64, /* results that are reduced together */
     FV_MODEL_DEPTHWISE_COLUMNS =
         72 /* input columns interleaved at a time (more when the kernel is wider) */
 };
@@ -131,6 +134,7 @@ struct fv_op_conv {
      * convolution, or of some columns alone, whose pad_left may be below zero: bytes before the
      * first, and from row to row; 0: rows follow without gap. */
     int32_t out_first, out_row;
+    int32_t parts; /* of the products of a row of a fully connected layer; 0: 1 */
 };
 struct fv_op_depthwise {
     struct fv_op_image image;
@@ -161,6 +165,9 @@ struct fv_op_pool {
     struct fv_op_image image;
     struct fv_op_window window;
     int32_t average, is_signed, act_min, act_max;
+    /* Of a row of pixels, by taps: of the first pixel, then of the next. Averages have int32[in_c]
+     * in scratch. 0: 1. */
+    int32_t parts;
 };
 /* MEAN is SUM too: only the multiplier tells them apart */
 enum fv_reduce { FV_REDUCE_MEAN, FV_REDUCE_MAX, FV_REDUCE_MIN };
@@ -168,6 +175,9 @@ struct fv_op_reduce {
     /* kept axes with strides, dropped axes with strides */
     int32_t function, dims[4], outer[4], count[4], inner[4];
     int32_t elements, multiplier, shift, zero_in, zero_out;
+    /* Of a row, by elements: of the first FV_MODEL_REDUCE_LANES results (of one where outer[3] is
+     * not 1), then of the next. They have int32[FV_MODEL_REDUCE_LANES] in scratch. 0: 1. */
+    int32_t parts;
 };
 struct fv_op_copy {
     int32_t dims[6], src[6], dst[6], src_first, dst_first, element_bytes, table;
@@ -209,11 +219,14 @@ struct fv_op_matmul {
     int32_t single_rounding; /* as in convolutions: a fully connected layer whose weights are
                                 computed */
     int32_t bias;            /* offset of int32[n], 0: none */
+    int32_t pack;            /* columns packed by a slice, a divisor of 16; 0: 16 */
+    int32_t parts;           /* of the columns, each of whole blocks of 16; 0: 1 */
 };
 struct fv_op_detection {
     int32_t anchors, classes, class_offset, max_detections, max_per_anchor, per_class, regular_nms;
     float score_threshold, iou_threshold, y_scale, x_scale, h_scale, w_scale;
     int32_t anchor_data, box_table, score_table; /* float[anchors][4], float[256] twice */
+    int32_t parts; /* of each selection, by the boxes that it is compared with; 0: 1 */
 };
 
 /* Rows divided by the root of the sum of their squares, in 1/128; the output's zero point is 128.

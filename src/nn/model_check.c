@@ -77,7 +77,7 @@ static const char *check_binary(const struct fv_check *c)
     FV_CHECK_REQUIRE(binary.function,
                      fv_check_between(p->function, FV_BINARY_ADD, FV_BINARY_SLOPES),
                      "no such function");
-    FV_CHECK_REQUIRE(binary.function, !alone || c->m->header->version >= FV_MODEL_VERSION,
+    FV_CHECK_REQUIRE(binary.function, !alone || c->m->header->version >= FV_MODEL_VERSION_SLOPES,
                      "slopes are not of this version of the format: import the .tflite file again");
     FV_CHECK_REQUIRE(binary.a,
                      walk_fits(p->dims, p->a, 6, 0, 1, fv_check_input(c, 0)) &&
@@ -130,8 +130,17 @@ static const char *check_reduce(const struct fv_check *c)
     FV_CHECK_REQUIRE(reduce.zero_in,
                      fv_check_between(p->zero_in, 0, 255) && fv_check_between(p->zero_out, 0, 255),
                      "zero points are not bytes");
+    const int64_t lanes = p->outer[3] == 1 ? FV_MODEL_REDUCE_LANES : 1;
+    FV_CHECK_REQUIRE(
+        reduce.parts,
+        fv_check_parts_fit(c, p->parts, (p->dims[3] + lanes - 1) / lanes * p->elements),
+        "not of this version of the format, or more than a row has elements");
+    *c->word = 14;
+    if (p->parts > 1 && fv_check_scratch_bytes(c) < FV_MODEL_REDUCE_LANES * 4)
+        return "scratch is too small";
     *c->word = 13;
-    return c->op->rows == product(p->dims, 3) ? NULL : "rows do not match the shape";
+    return fv_check_rows_are(c, product(p->dims, 3), p->parts) ? NULL
+                                                               : "rows do not match the shape";
 }
 
 static const char *check_copy(const struct fv_check *c)
@@ -281,6 +290,11 @@ static const char *check_cast(const struct fv_check *c)
     return check_convert(c, c->op->u.cast.count);
 }
 
+static int32_t pack_of(const struct fv_op_matmul *p)
+{
+    return p->pack == 0 ? 16 : p->pack;
+}
+
 static const char *check_matmul(const struct fv_check *c)
 {
     const struct fv_op_matmul *p = &c->op->u.matmul;
@@ -313,11 +327,16 @@ static const char *check_matmul(const struct fv_check *c)
     FV_CHECK_REQUIRE(matmul.bias,
                      p->bias == 0 || fv_check_constant(c, p->bias, (int64_t)p->n * 4, 4),
                      "the biases lie outside the file");
+    FV_CHECK_REQUIRE(matmul.pack, fv_check_parts_fit(c, p->pack, 16) && 16 % pack_of(p) == 0,
+                     "not of this version of the format, or no divisor of 16");
+    FV_CHECK_REQUIRE(matmul.parts, fv_check_parts_fit(c, p->parts, n16 / 16),
+                     "not of this version of the format, or more than there are blocks");
     *c->word = 14;
     const int64_t sums = p->single_rounding ? n16 * 4 * FV_MODEL_CONV_PIXELS : 0;
     if (fv_check_scratch_bytes(c) < n16 * (k4 * 4 + 12) + sums) return "scratch is too small";
     *c->word = 13;
-    return c->op->rows == batches * (n16 / 16 + p->m) ? NULL : "rows do not match the shape";
+    const int64_t rows = n16 / pack_of(p) + (int64_t)p->m * (p->parts > 1 ? p->parts : 1);
+    return c->op->rows == batches * rows ? NULL : "rows do not match the shape";
 }
 
 static int usable(float value)
@@ -378,6 +397,8 @@ static const char *check_detection(const struct fv_check *c)
         if (fv_check_output(c, i)->type != FV_TYPE_F32 || fv_check_output(c, i)->bytes < need[i])
             return "the output does not fit its tensor";
     }
+    FV_CHECK_REQUIRE(detection.parts, fv_check_parts_fit(c, p->parts, p->anchors),
+                     "not of this version of the format, or more than there are boxes");
     *c->word = 14;
     if (fv_check_scratch_bytes(c) < (int64_t)p->anchors * 32 + slots * 64 + 64)
         return "scratch is too small";

@@ -68,6 +68,18 @@ static inline int fv_check_activation_fits(int32_t zero_in, int32_t zero_out, in
            low <= high && high <= 255;
 }
 
+/* Of `whole` slices, each in `parts`, which files before their version leave at 0. */
+static inline int fv_check_parts_fit(const struct fv_check *c, int32_t parts, int64_t most)
+{
+    return parts == 0 ||
+           (c->m->header->version >= FV_MODEL_VERSION && fv_check_between(parts, 1, most));
+}
+
+static inline int fv_check_rows_are(const struct fv_check *c, int64_t whole, int32_t parts)
+{
+    return c->op->rows == whole * (parts > 1 ? parts : 1);
+}
+
 static inline const char *fv_check_operands(const struct fv_check *c, int32_t inputs,
                                             int32_t outputs)
 {

@@ -32,7 +32,7 @@ static const char *half_image(const struct fv_model_tensor *t, int32_t batch, in
 
 /* Input and output image; the output's pixels may have gaps (`first` and `row` as above). */
 static const char *check_images(const struct fv_check *c, const struct fv_op_image *im,
-                                int32_t first, int32_t row)
+                                int32_t first, int32_t row, int32_t parts)
 {
     *c->word = 16;
     const char *fault = fv_check_operands(c, 1, 1);
@@ -46,12 +46,14 @@ static const char *check_images(const struct fv_check *c, const struct fv_op_ima
                        im->out_stride, first, row);
     if (fault != NULL) return fault;
     *c->word = 13;
-    return c->op->rows == im->batch * im->out_h ? NULL : "rows do not match the image";
+    return fv_check_rows_are(c, (int64_t)im->batch * im->out_h, parts)
+               ? NULL
+               : "rows do not match the image";
 }
 
 static const char *check_image(const struct fv_check *c, const struct fv_op_image *im)
 {
-    return check_images(c, im, 0, 0);
+    return check_images(c, im, 0, 0, 1);
 }
 
 /* `left`: the least that may lie left of the image; below zero output columns begin inside. */
@@ -76,7 +78,7 @@ static int is_pointwise(const struct fv_op_image *im, const struct fv_op_window 
 const char *fv_check_conv(const struct fv_check *c)
 {
     const struct fv_op_conv *p = &c->op->u.conv;
-    const char *fault = check_images(c, &p->image, p->out_first, p->out_row);
+    const char *fault = check_images(c, &p->image, p->out_first, p->out_row, p->parts);
     if (fault == NULL) fault = check_window(c, &p->window, -p->image.in_w);
     if (fault != NULL) return fault;
     const int64_t k = (int64_t)p->window.kh * p->window.kw * p->image.in_c;
@@ -102,6 +104,10 @@ const char *fv_check_conv(const struct fv_check *c)
     const int64_t pitch = ((int64_t)p->k4 * 4 + 15 + 63) / 64 * 64;
     FV_CHECK_REQUIRE(conv.single_rounding, fv_check_between(p->single_rounding, 0, pointwise),
                      "not 0 or 1, or not for this window");
+    FV_CHECK_REQUIRE(conv.parts,
+                     fv_check_parts_fit(c, p->parts, p->k4) &&
+                         (p->parts <= 1 || (p->single_rounding && p->image.out_w == 1)),
+                     "not of this version of the format, or not for this layer");
     FV_CHECK_REQUIRE(conv.shift, p->single_rounding || shifts_fit(c, p->shift, n16),
                      "a shift is out of range");
     int64_t scratch = pointwise ? 0 : FV_MODEL_CONV_PIXELS * pitch + FV_MODEL_SLACK_BYTES;
@@ -152,7 +158,7 @@ const char *fv_check_depthwise(const struct fv_check *c)
 const char *fv_check_pool(const struct fv_check *c)
 {
     const struct fv_op_pool *p = &c->op->u.pool;
-    const char *fault = check_image(c, &p->image);
+    const char *fault = check_images(c, &p->image, 0, 0, p->parts);
     if (fault == NULL) fault = check_window(c, &p->window, 0);
     if (fault != NULL) return fault;
     FV_CHECK_REQUIRE(pool.image.out_c, p->image.in_c == p->image.out_c, "not the input's channels");
@@ -160,7 +166,13 @@ const char *fv_check_pool(const struct fv_check *c)
     FV_CHECK_REQUIRE(pool.is_signed, fv_check_between(p->is_signed, 0, 1), "not 0 or 1");
     FV_CHECK_REQUIRE(pool.act_min, fv_check_activation_fits(0, 0, p->act_min, p->act_max),
                      "the range is not bytes");
-    return NULL;
+    const int64_t taps = (int64_t)p->image.out_w * p->window.kh * p->window.kw;
+    FV_CHECK_REQUIRE(pool.parts, fv_check_parts_fit(c, p->parts, taps),
+                     "not of this version of the format, or more than a row has taps");
+    *c->word = 14;
+    return p->parts <= 1 || !p->average || fv_check_scratch_bytes(c) >= (int64_t)p->image.in_c * 4
+               ? NULL
+               : "scratch is too small";
 }
 
 static int entries_fit(const struct fv_check *c, int32_t offset, int32_t count, int32_t size)

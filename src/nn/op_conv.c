@@ -141,6 +141,16 @@ int32_t fv_nn_scale_once(int32_t acc, int32_t low, int32_t high)
     return whole + (rest >= 0.5 ? 1 : 0) - (rest <= -0.5 ? 1 : 0);
 }
 
+static void round_once(const struct fv_op_conv *c, const struct fv_nn_gemm *gemm,
+                       const int32_t *acc, uint8_t *out)
+{
+    for (int32_t o = 0; o < gemm->n; o++) {
+        const int32_t scaled = fv_nn_scale_once(acc[o], gemm->multiplier[o], gemm->shift[o]);
+        const uint8_t value = (uint8_t)fv_nn_clamp(scaled + c->zero_out, c->act_min, c->act_max);
+        out[o] = gemm->table == NULL ? value : gemm->table[value];
+    }
+}
+
 /* `count` pixels from `first` on, whose inputs lie in `rows`; `out` is pixel `first`'s. */
 static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm,
                             const uint8_t *rows, ptrdiff_t pitch, uint8_t *out, int32_t count)
@@ -149,14 +159,36 @@ static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_ge
     int32_t *acc = (int32_t *)(void *)call->scratch;
     const int32_t n16 = (gemm->n + 15) / 16 * 16;
     call->kernels->nn_gemm_i32(gemm, rows, pitch, acc, n16, count);
-    for (int32_t i = 0; i < count; i++, acc += n16, out += c->image.out_stride) {
-        for (int32_t o = 0; o < gemm->n; o++) {
-            const int32_t scaled = fv_nn_scale_once(acc[o], gemm->multiplier[o], gemm->shift[o]);
-            const uint8_t value =
-                (uint8_t)fv_nn_clamp(scaled + c->zero_out, c->act_min, c->act_max);
-            out[o] = gemm->table == NULL ? value : gemm->table[value];
-        }
+    for (int32_t i = 0; i < count; i++, acc += n16, out += c->image.out_stride)
+        round_once(c, gemm, acc, out);
+}
+
+/* Part `part` of the products of a row: the sums so far stand in scratch and are the biases of what
+ * is added, by blocks of 16 channels. */
+static void connect_part(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm, int32_t row,
+                         int32_t part)
+{
+    const struct fv_op_conv *c = &call->op->u.conv;
+    const int32_t first = (int32_t)((int64_t)c->k4 * part / c->parts),
+                  end = (int32_t)((int64_t)c->k4 * (part + 1) / c->parts);
+    const uint8_t *in = call->in[0] + (ptrdiff_t)row * c->image.in_stride + (ptrdiff_t)first * 4;
+    int32_t *sums = (int32_t *)(void *)call->scratch;
+    if (part == 0) memcpy(sums, gemm->bias, (size_t)(gemm->n + 15) / 16 * 64);
+    for (int32_t channel = 0; channel < gemm->n; channel += 16) {
+        struct fv_nn_gemm some = *gemm;
+        some.k = (end * 4 < c->k ? end * 4 : c->k) - first * 4;
+        some.k4 = end - first;
+        some.n = gemm->n - channel < 16 ? gemm->n - channel : 16;
+        some.weights += ((ptrdiff_t)channel / 16 * c->k4 + first) * 64;
+        _Alignas(64) int32_t bias[16];
+        memcpy(bias, sums + channel, sizeof bias);
+        some.bias = bias;
+        call->kernels->nn_gemm_i32(&some, in, c->image.in_stride, sums + channel, 16, 1);
     }
+    if (part < c->parts - 1) return;
+    round_once(c, gemm, sums,
+               call->out[0] + c->out_first +
+                   (ptrdiff_t)row * (c->out_row != 0 ? c->out_row : c->image.out_stride));
 }
 
 static int is_pointwise(const struct fv_op_conv *c)
@@ -202,6 +234,9 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_nn_gemm gemm = gemm_of(call);
     const int32_t first = begin * c->image.out_w, last = end * c->image.out_w;
     const ptrdiff_t pitch = (c->k4 * 4 + 15 + 63) / 64 * 64; /* room for copy_run */
+    for (int32_t row = begin; c->parts > 1 && row < end; row++)
+        connect_part(call, &gemm, row / c->parts, row % c->parts);
+    if (c->parts > 1) return;
     if (is_pointwise(c)) {
         const ptrdiff_t step = c->image.in_stride;
         const int32_t most = c->single_rounding ? FV_MODEL_CONV_PIXELS

@@ -94,23 +94,35 @@ static void suppress_begin(const struct state *s)
     memset(s->active, 1, (size_t)s->run->total);
 }
 
-/* Select up to `count` more anchors, but no more than `limit` in all; they end up at the front of
- * `order`. */
-static void suppress_some(const struct state *s, int32_t count, int32_t limit)
+/* Part `part` of the selection of one more anchor, but no more than `limit` in all; they end up at
+ * the front of `order`. The first part finds it, each compares it with a share of those behind it.
+ * Returns 0 where none is left. */
+static int select_part(const struct state *s, int32_t limit, int32_t part, int32_t parts)
 {
     struct run *run = s->run;
-    for (; run->next < run->total && count > 0 && run->selected < limit; run->next++) {
-        if (!s->active[run->next]) continue;
-        const int32_t chosen = s->order[run->next];
-        for (int32_t j = run->next + 1; j < run->total; j++) {
-            if (!s->active[j]) continue;
-            const float iou =
-                overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);
-            if (iou > s->p->iou_threshold) s->active[j] = 0;
-        }
-        s->order[run->selected++] = chosen;
-        --count;
+    while (part == 0 && run->next < run->total && !s->active[run->next])
+        run->next++;
+    if (run->next >= run->total || run->selected >= limit) return 0;
+    const int32_t chosen = s->order[run->next], first = run->next + 1;
+    const int64_t behind = run->total - first;
+    const int32_t end = first + (int32_t)(behind * (part + 1) / parts);
+    for (int32_t j = first + (int32_t)(behind * part / parts); j < end; j++) {
+        if (!s->active[j]) continue;
+        const float iou =
+            overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);
+        if (iou > s->p->iou_threshold) s->active[j] = 0;
     }
+    if (part < parts - 1) return 1;
+    s->order[run->selected++] = chosen;
+    run->next++;
+    return 1;
+}
+
+/* Select up to `count` more. */
+static void suppress_some(const struct state *s, int32_t count, int32_t limit)
+{
+    while (count > 0 && select_part(s, limit, 0, 1))
+        --count;
 }
 
 static void write_detection(const struct fv_nn_call *call, const struct state *s, int32_t slot,
@@ -151,17 +163,25 @@ static int32_t limit_of(const struct fv_op_detection *p)
     return limit < 1 ? 1 : limit;
 }
 
+/* Of a selection. */
+static int32_t parts_of(const struct fv_op_detection *p)
+{
+    return p->parts > 1 ? p->parts : 1;
+}
+
 /* As many as the file's rows leave. */
 static int32_t steps_per_class(const struct fv_op_detection *p, int32_t rows)
 {
-    return (rows - decode_steps(p) - 1) / p->classes;
+    return (rows - decode_steps(p) - 1) / parts_of(p) / p->classes;
 }
 
 bool fv_nn_detection_rows_fit(const struct fv_op_detection *p, int32_t rows)
 {
-    const int64_t between = (int64_t)rows - decode_steps(p) - 1;
-    if (!p->regular_nms) return between == (int64_t)p->max_detections + 1;
-    return between > 0 && between % p->classes == 0 && between / p->classes <= limit_of(p);
+    const int64_t between = (int64_t)rows - decode_steps(p) - 1, parts = parts_of(p);
+    if (!p->regular_nms) return between == p->max_detections * parts + 1;
+    if (between <= 0 || between % (p->classes * parts) != 0) return false;
+    const int64_t steps = between / parts / p->classes;
+    return parts == 1 ? steps <= limit_of(p) : steps == limit_of(p);
 }
 
 static void best_scores(const struct state *s, int32_t begin, int32_t end)
@@ -209,17 +229,20 @@ static void merge_class(const struct state *s, int32_t c)
     s->run->found = total;
 }
 
-static void regular_step(const struct state *s, int32_t step, int32_t steps)
+static void regular_step(const struct state *s, int32_t row, int32_t steps)
 {
     const struct fv_op_detection *p = s->p;
-    const int32_t c = step / steps;
-    if (step % steps == 0) {
+    const int32_t parts = parts_of(p), step = row / parts, part = row % parts, c = step / steps;
+    if (step % steps == 0 && part == 0) {
         for (int32_t i = 0; i < p->anchors; i++)
             s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
         suppress_begin(s);
     }
-    suppress_some(s, (limit_of(p) - 1) / steps + 1, p->per_class);
-    if (step % steps == steps - 1) merge_class(s, c);
+    if (parts > 1)
+        (void)select_part(s, p->per_class, part, parts);
+    else
+        suppress_some(s, (limit_of(p) - 1) / steps + 1, p->per_class);
+    if (step % steps == steps - 1 && part == parts - 1) merge_class(s, c);
 }
 
 static void write_regular(const struct fv_nn_call *call, const struct state *s)
@@ -258,7 +281,8 @@ static void step(const struct fv_nn_call *call, const struct state *s, int32_t r
     } else if (row == decode) {
         suppress_begin(s);
     } else {
-        suppress_some(s, 1, p->max_detections);
+        const int32_t parts = parts_of(p), part = (row - decode - 1) % parts;
+        (void)select_part(s, p->max_detections, part, parts);
     }
 }
 

@@ -121,29 +121,81 @@ static struct fv_nn_gemm gemm_of(const struct fv_op_matmul *p, uint8_t *scratch)
                                .row_sum_factor = 128 - p->zero_b};
 }
 
-/* Pack 16 columns of the second matrix as signed weights w = b - 128. With w' = zero_b - 128 the
- * product is the sum over k of a w - w' a - zero_a (w - w'): the second term is the kernel's row
- * sum, the third the bias. */
-static void pack_columns(const struct fv_nn_call *call, const uint8_t *b, int32_t block)
+/* A group of four weights of each of `count` columns, of which `rows` are there; adds them to
+ * `sum`. */
+static inline void pack_group(const uint8_t *from, ptrdiff_t row, ptrdiff_t column, int32_t rows,
+                              int32_t count, uint8_t *to, int32_t *sum)
+{
+    for (int32_t j = 0; j < count; j++, from += column, to += 4) {
+        for (int32_t i = 0; i < rows; i++) {
+            to[i] = from[i * row] ^ 128;
+            sum[j] += from[i * row];
+        }
+        for (int32_t i = rows; i < 4; i++)
+            to[i] = 0;
+    }
+}
+
+/* Columns of `k` rows, row by row: what of a row comes later lies far away, as rows may be pages
+ * apart. */
+static void pack_by_rows(const struct fv_op_matmul *p, const uint8_t *b, int32_t count,
+                         uint8_t *weights, int32_t *sum)
+{
+    enum { AHEAD = 32 };
+    const ptrdiff_t row = p->b_row;
+    for (int32_t k = 0; k < p->k; k += 4) {
+        const uint8_t *from = b + k * row;
+        for (int32_t i = AHEAD; i < AHEAD + 4 && k + i < p->k; i++)
+            __builtin_prefetch(from + i * row);
+        uint8_t *to = weights + (ptrdiff_t)k * 16;
+        if (p->k - k < 4)
+            pack_group(from, row, p->b_column, p->k - k, count, to, sum);
+        else if (p->b_column == 1 && count == 16)
+            pack_group(from, row, 1, 4, 16, to, sum);
+        else
+            pack_group(from, row, p->b_column, 4, count, to, sum);
+    }
+}
+
+/* The same where the rows of a column are neighbours: 64 at a time. */
+static void pack_by_columns(const struct fv_op_matmul *p, const uint8_t *b, int32_t count,
+                            uint8_t *weights, int32_t *sum)
+{
+    for (int32_t first = 0; first < p->k; first += 64) {
+        const int32_t past = p->k - first < 64 ? p->k : first + 64;
+        for (int32_t j = 0; j < count; j++) {
+            for (int32_t k = first; k < past; k += 4) {
+                uint8_t *to = weights + (ptrdiff_t)k * 16 + j * 4;
+                pack_group(b + (ptrdiff_t)j * p->b_column + k, 1, 1, past - k < 4 ? past - k : 4, 1,
+                           to, sum + j);
+            }
+        }
+    }
+}
+
+/* Pack `count` columns of the second matrix, of one block of 16, as signed weights w = b - 128.
+ * With w' = zero_b - 128 the product is the sum over k of a w - w' a - zero_a (w - w'): the second
+ * term is the kernel's row sum, the third the bias. */
+static void pack_columns(const struct fv_nn_call *call, const uint8_t *b, int32_t first,
+                         int32_t count)
 {
     const struct fv_op_matmul *p = &call->op->u.matmul;
     uint8_t *scratch = call->scratch;
     const int32_t *bias =
         p->bias == 0 ? NULL : (const int32_t *)(const void *)(call->model->base + p->bias);
-    const int32_t n16 = (p->n + 15) / 16 * 16, k4 = (p->k + 3) / 4, first = block * 16;
-    const int32_t columns = p->n - first < 16 ? p->n - first : 16;
-    int8_t *weights = (int8_t *)scratch + (ptrdiff_t)block * k4 * 64;
+    const int32_t n16 = (p->n + 15) / 16 * 16, k4 = (p->k + 3) / 4;
+    const int32_t used = p->n - first < count ? p->n - first : count;
+    uint8_t *weights = scratch + (ptrdiff_t)(first / 16) * k4 * 64 + first % 16 * 4;
     int32_t *words = (int32_t *)(void *)(scratch + (ptrdiff_t)n16 * k4 * 4) + first;
-    memset(weights, 0, (size_t)k4 * 64);
-    for (int32_t j = 0; j < 16; j++) {
-        int32_t sum = 0;
-        for (int32_t k = 0; k < p->k && j < columns; k++) {
-            const int32_t value = b[(ptrdiff_t)k * p->b_row + (ptrdiff_t)(first + j) * p->b_column];
-            weights[(ptrdiff_t)(k / 4) * 64 + j * 4 + k % 4] = (int8_t)(value - 128);
-            sum += value - p->zero_b;
-        }
-        const uint32_t constant = bias == NULL || j >= columns ? 0U : (uint32_t)bias[first + j];
-        words[j] = (int32_t)(constant - (uint32_t)p->zero_a * (uint32_t)sum);
+    int32_t sum[16] = {0};
+    (p->b_row == 1 ? pack_by_columns : pack_by_rows)(p, b + (ptrdiff_t)first * p->b_column, used,
+                                                     weights, sum);
+    for (int32_t j = 0; j < count; j++) {
+        for (int32_t k = 0; k < k4 && j >= used; k++)
+            memset(weights + (ptrdiff_t)k * 64 + j * 4, 0, 4);
+        const uint32_t constant = bias == NULL || j >= used ? 0U : (uint32_t)bias[first + j];
+        const uint32_t moved = (uint32_t)sum[j] - (uint32_t)p->zero_b * (uint32_t)p->k;
+        words[j] = (int32_t)(constant - (j < used ? (uint32_t)p->zero_a * moved : 0U));
         words[n16 + j] = p->multiplier;
         words[2 * n16 + j] = p->shift;
     }
@@ -163,7 +215,7 @@ static void multiply_once(const struct fv_nn_call *call, const struct fv_nn_gemm
                                    some);
         for (int32_t i = 0; i < some; i++) {
             uint8_t *to = out + (ptrdiff_t)(first + i) * p->n;
-            for (int32_t j = 0; j < p->n; j++) {
+            for (int32_t j = 0; j < gemm->n; j++) {
                 const int32_t scaled =
                     fv_nn_scale_once(sums[(ptrdiff_t)i * n16 + j], p->multiplier, p->shift);
                 to[j] = (uint8_t)fv_nn_clamp(scaled + p->zero_out, 0, 255);
@@ -172,30 +224,50 @@ static void multiply_once(const struct fv_nn_call *call, const struct fv_nn_gemm
     }
 }
 
-/* By batch: a row for every 16 columns that are packed, then the rows of the result. */
+/* Part `part` of the columns alone: whole blocks of 16. */
+static struct fv_nn_gemm columns_of(const struct fv_op_matmul *p, struct fv_nn_gemm gemm,
+                                    int32_t part, int32_t *first)
+{
+    const int32_t blocks = (p->n + 15) / 16, parts = p->parts > 1 ? p->parts : 1;
+    const int32_t from = (int32_t)((int64_t)blocks * part / parts),
+                  end = (int32_t)((int64_t)blocks * (part + 1) / parts);
+    *first = from * 16;
+    gemm.n = (end * 16 < p->n ? end * 16 : p->n) - *first;
+    gemm.weights += (ptrdiff_t)from * gemm.k4 * 64;
+    gemm.bias += *first;
+    gemm.multiplier += *first;
+    gemm.shift += *first;
+    return gemm;
+}
+
+/* By batch: a row for every `pack` columns that are packed, then, part by part of the columns, the
+ * rows of the result. */
 void fv_nn_op_matmul(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_matmul *p = &call->op->u.matmul;
     const struct fv_nn_gemm gemm = gemm_of(p, call->scratch);
-    const int32_t blocks = (p->n + 15) / 16, per = blocks + p->m;
+    const int32_t pack = p->pack == 0 ? 16 : p->pack, packs = (p->n + 15) / 16 * 16 / pack;
+    const int32_t per = packs + p->m * (p->parts > 1 ? p->parts : 1);
     for (int32_t row = begin, count; row < end; row += count) {
         const int32_t batch = row / per, b0 = batch / p->batch[1], b1 = batch % p->batch[1],
                       at = row % per;
         count = 1;
-        if (at < blocks) {
+        if (at < packs) {
             pack_columns(
                 call, call->in[1] + (ptrdiff_t)b0 * p->b_batch[0] + (ptrdiff_t)b1 * p->b_batch[1],
-                at);
+                at * pack, pack);
             continue;
         }
-        count = per - at < end - row ? per - at : end - row;
-        const uint8_t *a =
-            call->in[0] + (ptrdiff_t)b0 * p->a_batch[0] + (ptrdiff_t)b1 * p->a_batch[1];
-        const ptrdiff_t first = at - blocks;
-        uint8_t *out = call->out[0] + ((ptrdiff_t)batch * p->m + first) * p->n;
+        const int32_t first = (at - packs) % p->m;
+        count = p->m - first < end - row ? p->m - first : end - row;
+        int32_t column;
+        const struct fv_nn_gemm some = columns_of(p, gemm, (at - packs) / p->m, &column);
+        const uint8_t *a = call->in[0] + (ptrdiff_t)b0 * p->a_batch[0] +
+                           (ptrdiff_t)b1 * p->a_batch[1] + (ptrdiff_t)first * p->a_row;
+        uint8_t *out = call->out[0] + ((ptrdiff_t)batch * p->m + first) * p->n + column;
         if (p->single_rounding)
-            multiply_once(call, &gemm, a + first * p->a_row, out, count);
+            multiply_once(call, &some, a, out, count);
         else
-            call->kernels->nn_gemm_u8(&gemm, a + first * p->a_row, p->a_row, out, p->n, count);
+            call->kernels->nn_gemm_u8(&some, a, p->a_row, out, p->n, count);
     }
 }

@@ -13,21 +13,42 @@ static void window_part(int32_t start, int32_t size, int32_t kernel, int32_t *fi
     if (*last < *first) *last = *first;
 }
 
-static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int32_t ky,
-                      int32_t ky_end, int32_t kx, int32_t kx_end, uint8_t *out)
+/* A window over an image: the corner, which may lie outside, and the taps that lie inside. */
+struct view {
+    const uint8_t *corner;
+    int32_t ky, ky_end, kx, kx_end;
+};
+
+static struct view view_of(const struct fv_nn_call *call, int32_t row, int32_t x)
 {
     const struct fv_op_pool *p = &call->op->u.pool;
     const struct fv_op_image *im = &p->image;
+    const struct fv_op_window *w = &p->window;
+    const ptrdiff_t image = (ptrdiff_t)(row / im->out_h) * im->in_h;
+    const int32_t iy = row % im->out_h * w->stride_y - w->pad_top,
+                  ix = x * w->stride_x - w->pad_left;
+    struct view v = {.corner = call->in[0] + ((image + iy) * im->in_w + ix) * im->in_stride};
+    window_part(iy, im->in_h, w->kh, &v.ky, &v.ky_end);
+    window_part(ix, im->in_w, w->kw, &v.kx, &v.kx_end);
+    return v;
+}
+
+static void max_window(const struct fv_nn_call *call, const struct view *v, uint8_t *out)
+{
+    const struct fv_op_image *im = &call->op->u.pool.image;
     const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
-    memset(out, 0, (size_t)im->in_c);
-    for (int32_t y = ky; y < ky_end; y++) {
-        for (int32_t x = kx; x < kx_end; x++) {
-            call->kernels->nn_max_u8(out, corner + y * line + (ptrdiff_t)x * im->in_stride, out,
+    for (int32_t y = v->ky; y < v->ky_end; y++) {
+        for (int32_t x = v->kx; x < v->kx_end; x++) {
+            call->kernels->nn_max_u8(out, v->corner + y * line + (ptrdiff_t)x * im->in_stride, out,
                                      im->in_c);
         }
     }
+}
+
+static void clamp_pixel(const struct fv_op_pool *p, uint8_t *out)
+{
     if (p->act_min == 0 && p->act_max == 255) return;
-    for (int32_t c = 0; c < im->in_c; c++)
+    for (int32_t c = 0; c < p->image.in_c; c++)
         out[c] = (uint8_t)fv_nn_clamp(out[c], p->act_min, p->act_max);
 }
 
@@ -79,26 +100,98 @@ static int32_t average_of(int32_t sum, int32_t count, int32_t is_signed)
     return (sum > 0 ? (sum + count / 2) / count : (sum - count / 2) / count) + 128;
 }
 
-static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int32_t ky,
-                          int32_t ky_end, int32_t kx, int32_t kx_end, uint8_t *out)
+/* Sums of `n` channels from c0 on. */
+static void add_window(const struct fv_op_image *im, const struct view *v, int32_t c0, int32_t n,
+                       int32_t *sum)
 {
-    const struct fv_op_image *im = &p->image;
     const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
-    const int32_t count = (ky_end - ky) * (kx_end - kx);
-    for (int32_t c0 = 0; c0 < im->in_c; c0 += 64) {
-        const int32_t n = im->in_c - c0 < 64 ? im->in_c - c0 : 64;
+    for (int32_t y = v->ky; y < v->ky_end; y++) {
+        for (int32_t x = v->kx; x < v->kx_end; x++) {
+            const uint8_t *in = v->corner + y * line + (ptrdiff_t)x * im->in_stride + c0;
+            for (int32_t c = 0; c < n; c++)
+                sum[c] += in[c];
+        }
+    }
+}
+
+static void averages_of(const struct fv_op_pool *p, const struct view *v, const int32_t *sum,
+                        int32_t n, uint8_t *out)
+{
+    const int32_t count = (v->ky_end - v->ky) * (v->kx_end - v->kx);
+    for (int32_t c = 0; c < n; c++)
+        out[c] =
+            (uint8_t)fv_nn_clamp(average_of(sum[c], count, p->is_signed), p->act_min, p->act_max);
+}
+
+static void pool_pixel(const struct fv_nn_call *call, const struct view *v, uint8_t *out)
+{
+    const struct fv_op_pool *p = &call->op->u.pool;
+    const int32_t channels = p->image.in_c;
+    if (!p->average) {
+        memset(out, 0, (size_t)channels);
+        max_window(call, v, out);
+        clamp_pixel(p, out);
+        return;
+    }
+    for (int32_t c0 = 0; c0 < channels; c0 += 64) {
+        const int32_t n = channels - c0 < 64 ? channels - c0 : 64;
         int32_t sum[64] = {0};
-        for (int32_t y = ky; y < ky_end; y++) {
-            for (int32_t x = kx; x < kx_end; x++) {
-                const uint8_t *in = corner + y * line + (ptrdiff_t)x * im->in_stride + c0;
-                for (int32_t c = 0; c < n; c++)
-                    sum[c] += in[c];
-            }
-        }
-        for (int32_t c = 0; c < n; c++) {
-            out[c0 + c] = (uint8_t)fv_nn_clamp(average_of(sum[c], count, p->is_signed), p->act_min,
-                                               p->act_max);
-        }
+        add_window(&p->image, v, c0, n, sum);
+        averages_of(p, v, sum, n, out + c0);
+    }
+}
+
+static int32_t larger(int32_t a, int32_t b)
+{
+    return a > b ? a : b;
+}
+
+static int32_t smaller(int32_t a, int32_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Taps [begin, end) of a pixel, row by row of its window, the last of which finish it. */
+static void pool_taps(const struct fv_nn_call *call, int32_t row, int32_t x, int32_t begin,
+                      int32_t end)
+{
+    const struct fv_op_pool *p = &call->op->u.pool;
+    const struct fv_op_image *im = &p->image;
+    const int32_t kw = p->window.kw;
+    const struct view v = view_of(call, row, x);
+    uint8_t *out = call->out[0] + ((ptrdiff_t)row * im->out_w + x) * im->out_stride;
+    int32_t *sums = (int32_t *)(void *)call->scratch;
+    if (begin == 0 && p->average) memset(sums, 0, (size_t)im->in_c * sizeof *sums);
+    if (begin == 0 && !p->average) memset(out, 0, (size_t)im->in_c);
+    int32_t y = begin / kw, first = begin % kw;
+    for (int32_t left = end - begin; left > 0; y++, first = 0) {
+        const int32_t past = smaller(first + left, kw);
+        const struct view part = {v.corner, larger(v.ky, y), smaller(v.ky_end, y + 1),
+                                  larger(v.kx, first), smaller(v.kx_end, past)};
+        left -= past - first;
+        if (p->average)
+            add_window(im, &part, 0, im->in_c, sums);
+        else
+            max_window(call, &part, out);
+    }
+    if (end < p->window.kh * kw) return;
+    if (p->average)
+        averages_of(p, &v, sums, im->in_c, out);
+    else
+        clamp_pixel(p, out);
+}
+
+/* Part `part` of a row: its share of the taps of all pixels, which come one after the other. */
+static void pool_part(const struct fv_nn_call *call, int32_t row, int32_t part)
+{
+    const struct fv_op_pool *p = &call->op->u.pool;
+    const int32_t taps = p->window.kh * p->window.kw;
+    const int64_t all = (int64_t)p->image.out_w * taps, end = all * (part + 1) / p->parts;
+    for (int64_t at = all * part / p->parts; at < end;) {
+        const int32_t begin = (int32_t)(at % taps);
+        const int32_t past = end - at < taps - begin ? begin + (int32_t)(end - at) : taps;
+        pool_taps(call, row, (int32_t)(at / taps), begin, past);
+        at += past - begin;
     }
 }
 
@@ -109,79 +202,114 @@ void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_op_window *w = &p->window;
     const int by_column = !p->average && w->stride_x == 1 && w->kw <= MAX_COLUMNS;
     for (int32_t row = begin; row < end; row++) {
-        const ptrdiff_t image = (ptrdiff_t)(row / im->out_h) * im->in_h;
-        const int32_t iy = row % im->out_h * w->stride_y - w->pad_top;
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
-        int32_t ky, ky_end, kx, kx_end;
+        if (p->parts > 1) {
+            pool_part(call, row / p->parts, row % p->parts);
+            continue;
+        }
         if (by_column) {
+            const ptrdiff_t image = (ptrdiff_t)(row / im->out_h) * im->in_h;
+            const int32_t iy = row % im->out_h * w->stride_y - w->pad_top;
             max_row(p, call->in[0] + (image + iy) * im->in_w * im->in_stride, iy, out);
             continue;
         }
-        window_part(iy, im->in_h, w->kh, &ky, &ky_end);
         for (int32_t x = 0; x < im->out_w; x++, out += im->out_stride) {
-            const int32_t ix = x * w->stride_x - w->pad_left;
-            window_part(ix, im->in_w, w->kw, &kx, &kx_end);
-            const uint8_t *corner = call->in[0] + ((image + iy) * im->in_w + ix) * im->in_stride;
-            if (p->average)
-                average_pixel(p, corner, ky, ky_end, kx, kx_end, out);
-            else
-                max_pixel(call, corner, ky, ky_end, kx, kx_end, out);
+            const struct view v = view_of(call, row, x);
+            pool_pixel(call, &v, out);
         }
     }
 }
 
-enum { REDUCE_LANES = 64 };
-
-/* `lanes` results whose inputs are neighbours: sums or extremes over the dropped axes. */
+/* Elements [begin, end) of the dropped axes, of `lanes` results whose inputs are neighbours, go
+ * into sums or extremes. */
 static void reduce_lanes(const struct fv_op_reduce *p, const uint8_t *in, int32_t lanes,
-                         int32_t *result)
+                         int32_t begin, int32_t end, int32_t *result)
 {
-    for (int32_t c = 0; c < lanes; c++)
-        result[c] = p->function == FV_REDUCE_MEAN ? 0 : in[c];
-    for (int32_t i = 0; i < p->count[0] * p->count[1] * p->count[2]; i++) {
-        const int32_t i2 = i % p->count[2], i1 = i / p->count[2] % p->count[1],
-                      i0 = i / p->count[2] / p->count[1];
-        const uint8_t *at = in + (ptrdiff_t)i0 * p->inner[0] + (ptrdiff_t)i1 * p->inner[1] +
-                            (ptrdiff_t)i2 * p->inner[2];
-        for (int32_t l = 0; l < p->count[3]; l++, at += p->inner[3]) {
+    for (int32_t at = begin, count; at < end; at += count) {
+        const int32_t line = at / p->count[3], first = at % p->count[3];
+        const int32_t i2 = line % p->count[2], i1 = line / p->count[2] % p->count[1],
+                      i0 = line / p->count[2] / p->count[1];
+        const uint8_t *from = in + (ptrdiff_t)i0 * p->inner[0] + (ptrdiff_t)i1 * p->inner[1] +
+                              (ptrdiff_t)i2 * p->inner[2] + (ptrdiff_t)first * p->inner[3];
+        count = smaller(p->count[3] - first, end - at);
+        for (int32_t l = 0; l < count; l++, from += p->inner[3]) {
             if (p->function == FV_REDUCE_MEAN) {
                 for (int32_t c = 0; c < lanes; c++)
-                    result[c] += at[c];
+                    result[c] += from[c];
             } else if (p->function == FV_REDUCE_MAX) {
                 for (int32_t c = 0; c < lanes; c++)
-                    result[c] = at[c] > result[c] ? at[c] : result[c];
+                    result[c] = from[c] > result[c] ? from[c] : result[c];
             } else {
                 for (int32_t c = 0; c < lanes; c++)
-                    result[c] = at[c] < result[c] ? at[c] : result[c];
+                    result[c] = from[c] < result[c] ? from[c] : result[c];
             }
         }
+    }
+}
+
+/* The same for results [first, first + lanes) of a row; the elements before `begin` are in
+ * `result`, and the last finish it. */
+static void reduce_results(const struct fv_nn_call *call, int32_t row, int32_t first, int32_t lanes,
+                           int32_t begin, int32_t end, int32_t *result)
+{
+    const struct fv_op_reduce *p = &call->op->u.reduce;
+    const int32_t k = row % p->dims[2], j = row / p->dims[2] % p->dims[1],
+                  i = row / p->dims[2] / p->dims[1];
+    const uint8_t *in = call->in[0] + (ptrdiff_t)i * p->outer[0] + (ptrdiff_t)j * p->outer[1] +
+                        (ptrdiff_t)k * p->outer[2] + (ptrdiff_t)first * p->outer[3];
+    uint8_t *out = call->out[0] + (ptrdiff_t)row * p->dims[3] + first;
+    for (int32_t c = 0; c < lanes && begin == 0; c++)
+        result[c] = p->function == FV_REDUCE_MEAN ? 0 : in[c];
+    reduce_lanes(p, in, lanes, begin, end, result);
+    for (int32_t c = 0; c < lanes && end == p->elements; c++) {
+        int32_t value = result[c];
+        if (p->function == FV_REDUCE_MEAN) {
+            value = fv_nn_sum(
+                fv_nn_requantize(value - p->zero_in * p->elements, p->multiplier, p->shift),
+                p->zero_out);
+        }
+        out[c] = (uint8_t)fv_nn_clamp(value, 0, 255);
+    }
+}
+
+/* Results that share a walk over the elements, at most. */
+static int32_t lanes_of(const struct fv_op_reduce *p)
+{
+    return p->outer[3] == 1 ? FV_MODEL_REDUCE_LANES : 1;
+}
+
+/* Part `part` of a row: its share of the elements of all results, which come one walk after the
+ * other. */
+static void reduce_part(const struct fv_nn_call *call, int32_t row, int32_t part)
+{
+    const struct fv_op_reduce *p = &call->op->u.reduce;
+    const int32_t most = lanes_of(p);
+    const int64_t all = ((int64_t)p->dims[3] + most - 1) / most * p->elements,
+                  end = all * (part + 1) / p->parts;
+    for (int64_t at = all * part / p->parts; at < end;) {
+        const int32_t first = (int32_t)(at / p->elements) * most,
+                      begin = (int32_t)(at % p->elements);
+        const int32_t past =
+            end - at < p->elements - begin ? begin + (int32_t)(end - at) : p->elements;
+        reduce_results(call, row, first, smaller(p->dims[3] - first, most), begin, past,
+                       (int32_t *)(void *)call->scratch);
+        at += past - begin;
     }
 }
 
 void fv_nn_op_reduce(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_reduce *p = &call->op->u.reduce;
-    const int32_t most = p->outer[3] == 1 ? REDUCE_LANES : 1;
-    int32_t result[REDUCE_LANES];
+    const int32_t most = lanes_of(p);
+    int32_t result[FV_MODEL_REDUCE_LANES];
     for (int32_t row = begin; row < end; row++) {
-        const int32_t k = row % p->dims[2], j = row / p->dims[2] % p->dims[1],
-                      i = row / p->dims[2] / p->dims[1];
-        const uint8_t *in = call->in[0] + (ptrdiff_t)i * p->outer[0] + (ptrdiff_t)j * p->outer[1] +
-                            (ptrdiff_t)k * p->outer[2];
-        uint8_t *out = call->out[0] + (ptrdiff_t)row * p->dims[3];
-        for (int32_t first = 0; first < p->dims[3]; first += most) {
-            const int32_t lanes = p->dims[3] - first < most ? p->dims[3] - first : most;
-            reduce_lanes(p, in + (ptrdiff_t)first * p->outer[3], lanes, result);
-            for (int32_t c = 0; c < lanes; c++) {
-                int32_t value = result[c];
-                if (p->function == FV_REDUCE_MEAN) {
-                    value = fv_nn_sum(
-                        fv_nn_requantize(value - p->zero_in * p->elements, p->multiplier, p->shift),
-                        p->zero_out);
-                }
-                out[first + c] = (uint8_t)fv_nn_clamp(value, 0, 255);
-            }
+        if (p->parts > 1) {
+            reduce_part(call, row / p->parts, row % p->parts);
+            continue;
         }
+        for (int32_t first = 0; first < p->dims[3]; first += most)
+            reduce_results(call, row, first, smaller(p->dims[3] - first, most), 0, p->elements,
+                           result);
     }
 }
 

@@ -17,6 +17,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path.insert(0, HERE)
 
 import operators  # noqa: E402
+import costs  # noqa: E402
 import states  # noqa: E402
 import use  # noqa: E402
 from operators import Case, CASES, Lowering, Writer, check, graph_module, plan_module  # noqa: E402
@@ -38,6 +39,44 @@ def is_regular(seed):
     options = flexbuffers.Loads(case.b.ops[0][5])
     return options["use_regular_nms"] and options["num_classes"] > 1 and case.b.tensors[boxes][1][1] > 20 and \
         operators.run("TFLite_Detection_PostProcess", "uint8", seed, "c") == ""
+
+
+class Units:
+    """While work is cut into units of another cost."""
+
+    def __init__(self, cost):
+        self.cost = cost
+
+    def __enter__(self):
+        costs.UNIT_COST, self.cost = self.cost, costs.UNIT_COST
+
+    def __exit__(self, *_):
+        costs.UNIT_COST, self.cost = self.cost, costs.UNIT_COST
+
+
+def is_in_parts(name, kind, seed):
+    """Whether the only operator that there is has more parts than one."""
+    case = Case(kind, seed)
+    made = CASES[name](case)
+    with tempfile.NamedTemporaryFile(suffix=".tflite") as file:
+        file.write(case.b.bytes(*made[:2]))
+        file.flush()
+        steps = Lowering(graph_module.read(file.name)).run().steps
+    return len(steps) == 1 and steps[0].params.get("parts", 0) > 1 and operators.run(name, kind, seed, "c") == ""
+
+
+def in_parts():
+    """Operators in as many parts as there can be."""
+    out = b""
+    with Units(1):
+        for name, kind in (("MEAN", "int8"), ("SUM", "uint8"), ("REDUCE_MAX", "int8"), ("AVERAGE_POOL_2D", "int8"),
+                           ("MAX_POOL_2D", "uint8"), ("FULLY_CONNECTED", "uint8"), ("TFLite_Detection_PostProcess", "uint8")):
+            seed = next(s for s in range(200) if is_in_parts(name, kind, s))
+            out += record(name, kind, seed, f"{name[:24]} in parts")
+        seed = next(s for s in range(200) if is_regular(s))
+        out += record("TFLite_Detection_PostProcess", "uint8", seed, "regular suppression in parts")
+        out += drawn("BATCH_MATMUL in parts", False, product)
+    return out
 
 
 def record(name, kind, seed, called=None):
@@ -87,6 +126,12 @@ def channel_slopes(case):
         inputs.append(x)
         outputs.append(y)
     return inputs, outputs, []
+
+
+def product(case):
+    a, b, out = case.q((2, 3, 37)), case.q((2, 37, 50)), case.q((2, 3, 50), 4)
+    case.b.op("BATCH_MATMUL", [a, b], [out], "BatchMatMul", AdjX=False, AdjY=False)
+    return [a, b], [out], []
 
 
 def drawn(name, kept, network, *options):
@@ -161,6 +206,7 @@ def main():
         for swapped in (False, True):
             out += drawn(f"{name} by pixel{' first' if swapped else ''}", False, spread, name, swapped)
     out += drawn("channel slopes", False, channel_slopes)
+    out += in_parts()
     detector(os.path.join(folder, "detector.fvm"))
     target = os.path.join(folder, "nn_operators.bin")
     with open(target, "wb") as file:

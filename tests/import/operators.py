@@ -14,6 +14,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 sys.path[:0] = [HERE, os.path.join(HERE, "..", "..", "tools", "import")]
 
 import check  # noqa: E402
+import costs  # noqa: E402
 import graph as graph_module  # noqa: E402
 import plan as plan_module  # noqa: E402
 from builder import Builder  # noqa: E402
@@ -102,7 +103,10 @@ def main():
     parser.add_argument("--rounds", type=int, default=20)
     parser.add_argument("--seed", type=int)
     parser.add_argument("--open", action="store_true", help="models that leave all sizes but the inputs' to the run")
+    parser.add_argument("--parts", action="store_true", help="cut every operator into as many parts as there can be")
     arguments = parser.parse_args()
+    if arguments.parts:
+        costs.UNIT_COST = 1
     wrong = 0
     for name in arguments.names or CASES:
         for kind in ("int8", "int8t", "uint8"):

@@ -105,17 +105,18 @@ def rows(name, depth, options, scale, zero):
     return make
 
 
-def pool(name, side, step, channels):
+def pool(name, side, step, channels, image=160):
     def make(c):
-        x, z = c.q((1, 160, 160, channels), 0.05, 3), c.q((1, -(-160 // step), -(-160 // step), channels), 0.05, 3)
+        out = -(-image // step)
+        x, z = c.q((1, image, image, channels), 0.05, 3), c.q((1, out, out, channels), 0.05, 3)
         c.b.op(name, [x], [z], "Pool2D", StrideH=step, StrideW=step, FilterHeight=side, FilterWidth=side, Padding=0)
         return [x], [z]
     return make
 
 
-def reduced(name, axes):
+def reduced(name, axes, shape=MAP):
     def make(c):
-        x, z = c.q(MAP, 0.05, 3), c.q([n for i, n in enumerate(MAP) if i not in axes], 0.05, 3)
+        x, z = c.q(shape, 0.05, 3), c.q([n for i, n in enumerate(shape) if i not in axes], 0.05, 3)
         c.b.op(name, [x, c.b.const("int32", axes)], [z], "Reducer", KeepDims=False)
         return [x], [z]
     return make
@@ -137,9 +138,9 @@ def resized(name, table):
     return make
 
 
-def largest(axis):
+def largest(axis, shape):
     def make(c):
-        x, z = c.q((1, 200, 200, 21) if axis == 3 else (1, 21, 200, 200), 0.05, 3), c.b.tensor("int32", (1, 200, 200))
+        x, z = c.q(shape, 0.05, 3), c.b.tensor("int32", [n for i, n in enumerate(shape) if i != axis])
         c.b.op("ARG_MAX", [x, c.b.const("int32", axis)], [z], "ArgMax", OutputType=2)
         return [x], [z]
     return make
@@ -187,18 +188,25 @@ NETWORKS["DIV, two maps (uint8)"] = two("DIV", MAP, MAP)
 NETWORKS.update({f"PRELU of real numbers, {c} channels": real_slopes((1, 160, 160, c), (1, 1, c)) for c in (2, 19, 64)})
 NETWORKS["PRELU of real numbers, by element"] = real_slopes(MAP, MAP[1:])
 NETWORKS.update({f"{name} over {axes}": reduced(name, axes) for name in ("MEAN", "SUM", "REDUCE_MAX") for axes in ([1, 2], [1], [3])})
+NETWORKS.update({f"{name} over all axes": reduced(name, [0, 1, 2, 3]) for name in ("MEAN", "SUM", "REDUCE_MAX")})
+NETWORKS["MEAN over 2 and 3 of planes"] = reduced("MEAN", [2, 3], (1, 2, 1024, 1024))
+NETWORKS["MEAN over 0 of two images"] = reduced("MEAN", [0], (2, 1, 1, 409597))
+NETWORKS.update({f"{name[:-8].lower()} of {k} x {k}, {c} channels": pool(name, k, s, c, i) for name in ("AVERAGE_POOL_2D", "MAX_POOL_2D")
+                 for k, s, c, i in ((160, 160, 32, 160), (640, 640, 16, 640), (64, 64, 16, 640), (31, 1, 64, 80), (2, 2, 256, 320))})
 NETWORKS.update({f"CONCATENATION of {a} and {b} channels": joined((a, b)) for a, b in ((3, 1), (16, 8), (64, 64))})
 NETWORKS.update({f"PAD of {a} to {b}": padded(a, b, c) for a, b, c in ((100, 300, 32), (300, 302, 32), (700, 702, 3))})
 NETWORKS["TANH"] = by_table((1, 320, 320, 16))
 NETWORKS.update({f"{name}, {a} to {b}": converted(name, a, b) for name, a, b in (("CAST", "int8", "float32"), ("QUANTIZE", "float32", "q"),
                                                                                ("DEQUANTIZE", "q", "float32"))})
-NETWORKS.update({f"BATCH_MATMUL {m} x {k} x {n}, {b} of them": product(b, m, k, n) for b, m, k, n in ((1, 400, 256, 400), (4, 400, 16, 400), (8, 49, 32, 49))})
-NETWORKS.update({f"detections of {n} boxes, {c} classes{', regular' if r else ''}": boxes(n, c, r) for n, c, r in ((1917, 90, False), (8000, 2, False), (1917, 20, True))})
+NETWORKS.update({f"BATCH_MATMUL {m} x {k} x {n}, {b} of them": product(b, m, k, n) for b, m, k, n in ((1, 400, 256, 400), (4, 400, 16, 400), (8, 49, 32, 49),
+                                                                            (1, 1, 4096, 4096), (1, 16, 65536, 16), (2, 6, 512, 3000))})
+NETWORKS.update({f"detections of {n} boxes, {c} classes{', regular' if r else ''}": boxes(n, c, r) for n, c, r in ((1917, 90, False), (8000, 2, False), (1917, 20, True), (49104, 90, False))})
 NETWORKS.update({f"TRANSPOSE {order}": turned(order) for order in ([0, 3, 1, 2], [0, 2, 1, 3], [0, 3, 2, 1])})
 NETWORKS["bilinear resize"] = resized("RESIZE_BILINEAR", "ResizeBilinear")
 NETWORKS["nearest resize"] = resized("RESIZE_NEAREST_NEIGHBOR", "ResizeNearestNeighbor")
-NETWORKS.update({f"ARG_MAX of 21, axis {axis}": largest(axis) for axis in (3, 1)})
+NETWORKS.update({f"ARG_MAX of 21, axis {axis}": largest(axis, shape) for axis, shape in ((3, (1, 200, 200, 21)), (1, (1, 21, 200, 200)))})
+NETWORKS["ARG_MAX of 1000000"] = largest(1, (1, 1000000))
 NETWORKS.update({f"CONV {k} x {k}, {i} to {o}": conv(h, i, o, k, s) for h, i, o, k, s in ((320, 1, 1, 1, 1), (320, 8, 4, 1, 1), (512, 3, 16, 6, 2),
                                                                                         (160, 1, 16, 5, 1), (20, 256, 256, 3, 1), (480, 64, 64, 3, 1), (7, 1024, 1024, 3, 1))})
-NETWORKS.update({f"DEPTHWISE {k} x {k}, {c} channels": depthwise(h, c, k) for h, c, k in ((224, 3, 3), (160, 32, 5), (20, 100, 9))})
-NETWORKS.update({f"FULLY_CONNECTED {k} to {n}, {r} rows": connected(r, n, k) for r, n, k in ((400, 64, 64), (1, 4096, 4096))})
+NETWORKS.update({f"DEPTHWISE {k} x {k}, {c} channels": depthwise(h, c, k) for h, c, k in ((224, 3, 3), (160, 32, 5), (20, 100, 9), (160, 192, 7))})
+NETWORKS.update({f"FULLY_CONNECTED {k} to {n}, {r} rows": connected(r, n, k) for r, n, k in ((400, 64, 64), (1, 4096, 4096), (1, 64, 262144))})

@@ -40,6 +40,12 @@ def room(work):
     return UNIT_COST * 10000 // (max(TABLE[work].values()) * MARGIN)
 
 
+def parts(work, cost):
+    """Into how many a row of this cost is cut; 0: none, it is no more than a unit."""
+    count = -(-scaled(work, cost) // UNIT_COST)
+    return count if count > 1 else 0
+
+
 def scaled(work, cost):
     """A formula's cost as time of the slowest set, in sixteenths of a nanosecond."""
     return -(-int(cost) * max(TABLE[work].values()) * MARGIN // 10000)

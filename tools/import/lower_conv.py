@@ -160,11 +160,13 @@ def emit_part(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
     pointwise = is_pointwise(p) and not p["pad_top"] and not p["pad_left"] and p["in_h"] == p["out_h"] and p["in_w"] == p["out_w"]
     rows = p["batch"] * p["out_h"]
     pixels = rows * p["out_w"]
+    if single:  # too many products for a unit however few the channels
+        p["parts"] = min(costs.parts(gemm_work(single), gemm_cost(1, 1, n, k, 0, single)), k4)
     macs = pixels * n * k
     scratch = 0 if pointwise else CONV_PIXELS * pad_to(k4 * 4 + 15, 64) + 64
     if single:
         scratch += n16 * 4 * CONV_PIXELS
-    net.step("CONV", op, [index_in], [index_out], p, rows, macs, cost=gemm_cost(rows, p["out_w"], n, k, 0 if is_pointwise(p) else p["kh"], single),
+    net.step("CONV", op, [index_in], [index_out], p, rows * (p.get("parts") or 1), macs, cost=gemm_cost(rows, p["out_w"], n, k, 0 if is_pointwise(p) else p["kh"], single),
              scratch=scratch, work=gemm_work(single))
 
 

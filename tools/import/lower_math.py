@@ -6,7 +6,7 @@ import quant
 from constant import dequantize_table
 from fold import activation_of, binary_params, is_refused
 from graph import ImportProblem
-from layout import BINARY, CONV_PIXELS, TYPE_BYTES, UNIT_COST
+from layout import BINARY, CONV_PIXELS, REDUCE_LANES, TYPE_BYTES, UNIT_COST
 from lower_conv import check8, image, same_padding
 from lower_data import coalesce, dense_strides, emit_strided, value_strides
 from net import pad_to
@@ -19,6 +19,8 @@ SLOPES_ROW, SLOPES_VALUE = 64, 8  # work in multiply-accumulates or their like
 SLOPES_JOINED = 128  # values in a row of joined pixels, at most
 VECTORS = ((1, 1, 1), (0, 1, 1), (1, 0, 1))  # strides along rows of which kernels make vectors
 SLOPES_PIECE, SLOPES_MISSING = 1 << 15, 64  # elements of a step, where each has a slope; of those without one, at most
+POOL_COLUMNS = 16  # of a window whose neighbours share the largest of each column
+PACKED_BLOCKS = 8  # blocks of 16 columns whose product with a row takes as long as to pack one
 REDUCE_ROW = 256  # results of a slice, where there are more
 
 
@@ -166,11 +168,11 @@ def emit_binary(low, op, p, pairs):
              work=binary_work(op.name, along, pairs))
 
 
-def pool_cost(name, kh, kw, step, channels):
+def pool_cost(name, kh, kw, by_column, channels):
     """Of a pixel; the largest of neighbouring windows is found by columns."""
     if name == "AVERAGE_POOL_2D":
         return 300 + 38 * kh * kw + channels * (38 + 1.4 * kh * kw)
-    taps = kh + kw if step == 1 else kh * kw
+    taps = kh + kw if by_column else kh * kw
     return 200 + 90 * taps + channels * (2 + taps / 2)
 
 
@@ -190,8 +192,13 @@ def pool(low, op):
     p = image(low, source, out)
     p.update(kh=kh, kw=kw, stride_y=sy, stride_x=sx, dilation_y=1, dilation_x=1, pad_top=top, pad_left=left,
              average=int(op.name == "AVERAGE_POOL_2D"), is_signed=int(ti.signed), act_min=lo, act_max=hi)
-    low.net.step("POOL", op, [source], [out], p, p["batch"] * p["out_h"], cost=p["batch"] * p["out_h"] * p["out_w"] * pool_cost(op.name, kh, kw, sx, to.shape[3]),
-                 work="average" if p["average"] else "largest")
+    work, rows = "average" if p["average"] else "largest", p["batch"] * p["out_h"]
+    cost = p["out_w"] * pool_cost(op.name, kh, kw, sx == 1 and kw <= POOL_COLUMNS, to.shape[3])
+    if costs.parts(work, cost):  # which know no columns
+        cost = p["out_w"] * pool_cost(op.name, kh, kw, False, to.shape[3])
+        p["parts"] = min(costs.parts(work, cost), p["out_w"] * kh * kw)
+    low.net.step("POOL", op, [source], [out], p, rows * (p.get("parts") or 1), cost=rows * cost, work=work,
+                 scratch=to.shape[3] * 4 if p.get("parts") and p["average"] else 0)
 
 
 def reduce(low, op):
@@ -239,8 +246,10 @@ def reduce(low, op):
         p["function"] = {"REDUCE_MAX": 1, "REDUCE_MIN": 2}[op.name]
     rows = kept[0][0] * kept[1][0] * kept[2][0]
     together = kept[3][1] == 1  # neighbours are reduced at once
-    cost = ti.size * (4 if kept[3][0] >= 16 else 8) if together else ti.size * 24 + to.size * 96
-    low.net.step("REDUCE", op, [source], [out], p, rows, cost=cost, work="reduce_together" if together else "reduce_alone")
+    cost = ti.size * (4 if kept[3][0] >= 16 else 8) + to.size * 56 if together else ti.size * 24 + to.size * 96
+    work, walks = ("reduce_together", -(-kept[3][0] // REDUCE_LANES)) if together else ("reduce_alone", kept[3][0])
+    p["parts"] = min(costs.parts(work, -(-cost // rows)), walks * elements)
+    low.net.step("REDUCE", op, [source], [out], p, rows * (p["parts"] or 1), cost=cost, work=work, scratch=REDUCE_LANES * 4 if p["parts"] else 0)
 
 
 def resize(low, op):
@@ -395,12 +404,24 @@ def batch_matmul(low, op):
     emit_product(low, op, va, vb, out, p)
 
 
+def pack_cost(k, columns):
+    """Of `columns` columns of k rows, which may lie pages apart."""
+    return k * (48 + 10 * columns)
+
+
 def emit_product(low, op, va, vb, out, p):
     m, k, n, batches = p["m"], p["k"], p["n"], p["batch0"] * p["batch1"]
     n16, k4 = pad_to(n, 16), pad_to(k, 4)
-    rows = batches * (n16 // 16 + m)  # packing 16 columns is a row as well
+    product, packing = n16 * (k4 + 16), pack_cost(k, 16)
+    if costs.parts("batch_matmul", product):
+        blocks = min(max(costs.room("batch_matmul") // (16 * (k4 + 16)), 1), PACKED_BLOCKS)
+        p["parts"], product = -(-n16 // (16 * blocks)), 16 * blocks * (k4 + 16)
+    if costs.parts("batch_matmul", packing):
+        p["pack"] = next(n for n in (8, 4, 2, 1) if n == 1 or not costs.parts("batch_matmul", pack_cost(k, n)))
+        packing = pack_cost(k, p["pack"])
+    rows = batches * (n16 // (p.get("pack") or 16) + m * (p.get("parts") or 1))  # packing columns is a row as well
     sums = n16 * 4 * CONV_PIXELS if p.get("single_rounding") else 0
-    low.net.step("BATCH_MATMUL", op, [va, vb], [out], p, rows, batches * m * n * k, cost=rows * max(n16 * (k4 + 16), 128 * k),
+    low.net.step("BATCH_MATMUL", op, [va, vb], [out], p, rows, batches * m * n * k, cost=rows * max(product, packing),
                  scratch=n16 * (k4 + 12) + sums)
 
 
@@ -446,6 +467,7 @@ def detection_postprocess(low, op):
              y_scale=float_bits(o["y_scale"]), x_scale=float_bits(o["x_scale"]), h_scale=float_bits(o["h_scale"]),
              w_scale=float_bits(o["w_scale"]), anchor_data=low.net.blob(data), box_table=low.net.blob(floats(boxes, op.inputs[0])),
              score_table=low.net.blob(floats(scores, op.inputs[1])))
+    p["parts"] = min(costs.parts("detection", 24 * count), count)
     rows, step_cost = detection_steps(p)
     low.net.step("DETECTION", op, [vb, vs], outs, p, rows, cost=rows * step_cost, scratch=count * 32 + slots * 64 + 64)
 
@@ -453,12 +475,12 @@ def detection_postprocess(low, op):
 def detection_steps(p):
     """Steps as src/nn/op_detection.c makes them, and the cost of one: 24 multiply-accumulates per pair of boxes. Of regular suppression
     each step of a class selects as many boxes as a unit has time for."""
-    anchors, decode = p["anchors"], (p["anchors"] - 1) // 64 + 1
+    anchors, decode, parts = p["anchors"], (p["anchors"] - 1) // 64 + 1, p["parts"] or 1
     if not p["regular_nms"]:
-        return decode + p["max_detections"] + 2, max(24 * anchors, 64 * (1200 + 8 * p["classes"]))
-    limit, selections = max(min(p["per_class"], anchors), 1), max(UNIT_COST // costs.scaled("detection", 24 * anchors), 1)
+        return decode + p["max_detections"] * parts + 2, max(-(-24 * anchors // parts), 64 * (1200 + 8 * p["classes"]))
+    limit, selections = max(min(p["per_class"], anchors), 1), 1 if parts > 1 else max(UNIT_COST // costs.scaled("detection", 24 * anchors), 1)
     steps = (limit - 1) // selections + 1
-    return decode + p["classes"] * steps + 1, max(24 * ((limit - 1) // steps + 1) * anchors, 64 * 1200)
+    return decode + p["classes"] * steps * parts + 1, max(24 * ((limit - 1) // steps + 1) * -(-anchors // parts), 64 * 1200)
 
 
 OPERATORS = {name: binary for name in BINARY}

@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 
 from layout import (ALIGN, ARENA_SLACK, BINARY, FLAG_CONST, FLAG_SIGNED, HEADER_BYTES, KIND, MAGIC, OP_WORDS, PARAMS,
-                    PARAM_WORDS, TENSOR_WORDS, TYPES, VERSION, VERSION_STATELESS, VERSION_STATES)
+                    PARAM_WORDS, TENSOR_WORDS, TYPES, VERSION, VERSION_SLOPES, VERSION_STATELESS, VERSION_STATES)
 
 BLOB_KINDS = {"CONV": {"weights", "bias", "multiplier", "shift", "table"},
               "DEPTHWISE": {"weights", "bias", "multiplier", "shift", "table"},
@@ -84,8 +84,10 @@ class Writer:
 
     def version(self):
         """The least that a reader must know."""
-        if any(s.kind == "BINARY" and s.params["function"] == BINARY["SLOPES"] for s in self.net.steps):
+        if any(s.params.get(name) for s in self.net.steps for name in ("pack", "parts")):
             return VERSION
+        if any(s.kind == "BINARY" and s.params["function"] == BINARY["SLOPES"] for s in self.net.steps):
+            return VERSION_SLOPES
         return VERSION_STATES if self.net.states else VERSION_STATELESS
 
     def bytes(self, name, labels, preprocess, decoder):

@@ -47,10 +47,10 @@ static void foreign_and_cut_files(void **state)
     memcpy(data, g->model, g->model_bytes);
     data[4] = 9;
     refused(data, g->model_bytes,
-            "the version of the model format is 9, expected 2 to 4: a later Fovea made it");
+            "the version of the model format is 9, expected 2 to 5: a later Fovea made it");
     data[4] = 1;
     refused(data, g->model_bytes,
-            "the version of the model format is 1, expected 2 to 4: only the Fovea before 0.1");
+            "the version of the model format is 1, expected 2 to 5: only the Fovea before 0.1");
     free(data);
 }
 

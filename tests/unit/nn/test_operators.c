@@ -111,23 +111,60 @@ static void unit_by_unit_while_moving(void **state)
     }
 }
 
-/* A file with `rows` of its only operator, each a unit; NULL where it is refused. */
-static uint8_t *with_rows(const struct nn_golden_model *g, int32_t rows, struct fv_model *model)
+/* A copy of the file; its only operator, of which each row shall be a unit. */
+static uint8_t *file_of(const struct nn_golden_model *g, struct fv_model_op **op)
 {
-    const int32_t unit = FV_NN_UNIT_COST;
-    struct fovea_error error;
     uint32_t ops;
     uint8_t *data = aligned_alloc(64, nn_golden_padded(g->model_bytes));
     assert_non_null(data);
     memcpy(data, g->model, g->model_bytes);
     memcpy(&ops, data + 32, 4);
-    memcpy(data + ops + offsetof(struct fv_model_op, rows), &rows, 4);
-    memcpy(data + ops + offsetof(struct fv_model_op, row_cost), &unit, 4);
+    *op = (struct fv_model_op *)(void *)(data + ops);
+    (*op)->row_cost = FV_NN_UNIT_COST;
+    return data;
+}
+
+/* Seal and open it; NULL, and it is freed, where it is refused with `refusal`. */
+static uint8_t *opened(const struct nn_golden_model *g, uint8_t *data, struct fv_model *model,
+                       const char *refusal)
+{
+    struct fovea_error error;
     nn_mutant_seal(data, g->model_bytes);
     if (fv_model_open(data, g->model_bytes, g->name, model, &error) == FOVEA_OK) return data;
-    assert_non_null(strstr(error.text, "rows is not what its steps make"));
+    if (strstr(error.text, refusal) == NULL) fail_msg("%s", error.text);
     free(data);
     return NULL;
+}
+
+static uint8_t *with_rows(const struct nn_golden_model *g, int32_t rows, struct fv_model *model)
+{
+    struct fv_model_op *op;
+    uint8_t *data = file_of(g, &op);
+    op->rows = rows;
+    return opened(g, data, model, "rows is not what its steps make");
+}
+
+/* Runs unit by unit, and moves the state between units: nothing but the arena may hold it. */
+static void check_run(const struct nn_golden_model *g, const struct fv_model *model,
+                      const struct fv_kernels *kernels, int32_t units)
+{
+    struct fv_nn_progress progress = {0, 0};
+    uint8_t *arena = new_arena(model, g), *other = new_arena(model, g);
+    uint32_t done;
+    enum fovea_status status = FOVEA_AGAIN;
+    for (int32_t i = 0; i < units; i++) {
+        assert_int_equal(status, FOVEA_AGAIN);
+        status = fv_nn_run(model, kernels, arena, &progress, 1, &done);
+        uint8_t *last = arena;
+        memcpy(other, last, fv_nn_arena_bytes(model));
+        memset(last, 0x5A, fv_nn_arena_bytes(model));
+        arena = other;
+        other = last;
+    }
+    assert_int_equal(status, FOVEA_OK);
+    compare(model, g, arena, "in parts");
+    free(arena);
+    free(other);
 }
 
 /* A class's suppression in as many steps as the file says, from one to one for each box. */
@@ -216,6 +253,117 @@ static void columns_of_convolutions(void **state)
     assert_true(checked > 0);
 }
 
+/* Where an operator says in how many parts it goes; how many rows the parts are of, and how many
+ * others there are; how many parts there may be. */
+static int32_t *parts_of(struct fv_model_op *op, int32_t *whole, int32_t *others, int32_t *most)
+{
+    int32_t *parts = op->kind == FV_OP_CONV           ? &op->u.conv.parts
+                     : op->kind == FV_OP_POOL         ? &op->u.pool.parts
+                     : op->kind == FV_OP_REDUCE       ? &op->u.reduce.parts
+                     : op->kind == FV_OP_BATCH_MATMUL ? &op->u.matmul.parts
+                                                      : &op->u.detection.parts;
+    *others = 0;
+    *most = *parts;
+    if (op->kind == FV_OP_BATCH_MATMUL)
+        *others =
+            op->rows - op->u.matmul.batch[0] * op->u.matmul.batch[1] * op->u.matmul.m * *parts;
+    if (op->kind == FV_OP_DETECTION)
+        *others = (op->u.detection.anchors - 1) / 64 + (op->u.detection.regular_nms ? 2 : 3);
+    *whole = (op->rows - *others) / *parts;
+    return parts;
+}
+
+static void check_parts(const struct nn_golden_model *g, const struct fv_kernels *kernels)
+{
+    static const char *const no_parts = "not of this version of the format";
+    int32_t most = 1, whole, others;
+    struct fv_model model;
+    for (int32_t parts = 1; parts <= most + 1; parts += most < 100 ? 1 : 1 + parts / 3) {
+        struct fv_model_op *op;
+        uint8_t *data = file_of(g, &op);
+        int32_t *of_op = parts_of(op, &whole, &others, &most);
+        *of_op = parts;
+        op->rows = others + whole * parts;
+        const int32_t rows = op->rows;
+        data = opened(g, data, &model, no_parts);
+        if (parts > most) {
+            assert_null(data);
+            break;
+        }
+        assert_non_null(data);
+        check_run(g, &model, kernels, rows);
+        free(data);
+    }
+}
+
+static int is_in_parts(const struct nn_golden_model *g)
+{
+    const size_t length = strlen(g->name);
+    return length > 9 && strcmp(g->name + length - 9, " in parts") == 0;
+}
+
+/* Whatever the cut, results are those of the whole. */
+static void in_any_parts(void **state)
+{
+    (void)state;
+    int checked = 0;
+    for (int set = 0; set < FV_CPU_SET_COUNT; set++) {
+        struct fv_kernels kernels;
+        fv_kernels_init(&kernels, (enum fv_cpu_set)set);
+        for (int i = 0; i < golden.count; i++) {
+            if (!is_in_parts(&golden.models[i])) continue;
+            check_parts(&golden.models[i], &kernels);
+            checked++;
+        }
+    }
+    assert_int_equal(checked, 9 * FV_CPU_SET_COUNT);
+}
+
+/* Columns of a product are packed together or in any smaller number. */
+static void packed_in_any_number(void **state)
+{
+    (void)state;
+    const struct nn_golden_model *g = golden.models;
+    while (strcmp(g->name, "BATCH_MATMUL in parts") != 0)
+        assert_true(++g < golden.models + golden.count);
+    struct fv_kernels kernels;
+    struct fv_model model;
+    fv_kernels_init(&kernels, FV_CPU_C);
+    for (int32_t pack = 1; pack <= 17; pack++) {
+        struct fv_model_op *op;
+        uint8_t *data = file_of(g, &op);
+        struct fv_op_matmul *p = &op->u.matmul;
+        const int32_t rows = p->batch[0] * p->batch[1] *
+                             ((p->n + 15) / 16 * 16 / (pack > 16 ? 16 : pack) + p->m * p->parts);
+        p->pack = pack;
+        op->rows = rows;
+        data = opened(g, data, &model, "or no divisor of 16");
+        assert_true((data != NULL) == (pack <= 16 && 16 % pack == 0));
+        if (data != NULL) check_run(g, &model, &kernels, rows);
+        free(data);
+    }
+}
+
+/* A file of a version that had no parts is refused, as is one whose scratch is too small. */
+static void parts_of_an_earlier_version(void **state)
+{
+    (void)state;
+    struct fv_model model;
+    for (int i = 0; i < golden.count; i++) {
+        struct fv_model_op *op;
+        if (!is_in_parts(&golden.models[i])) continue;
+        uint8_t *data = file_of(&golden.models[i], &op);
+        ((struct fv_model_header *)(void *)data)->version = FV_MODEL_VERSION_SLOPES;
+        assert_null(opened(&golden.models[i], data, &model, "not of this version of the format"));
+        data = file_of(&golden.models[i], &op);
+        const int needless = op->kind == FV_OP_POOL && !op->u.pool.average;
+        op->scratch = -1;
+        data = opened(&golden.models[i], data, &model, "scratch is too small");
+        assert_true((data != NULL) == needless);
+        free(data);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -223,6 +371,9 @@ int main(void)
         cmocka_unit_test(unit_by_unit_while_moving),
         cmocka_unit_test(suppression_in_any_steps),
         cmocka_unit_test(columns_of_convolutions),
+        cmocka_unit_test(in_any_parts),
+        cmocka_unit_test(packed_in_any_number),
+        cmocka_unit_test(parts_of_an_earlier_version),
     };
     return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
 }
