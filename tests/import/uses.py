@@ -12,6 +12,7 @@ import struct
 import sys
 import tempfile
 import zipfile
+import zlib
 
 import numpy as np
 
@@ -369,6 +370,30 @@ def loaded(bench):
     bench.refused("asked for", sound(), "from -3.84 to 3.81", "--decoder", "classifier")
 
 
+def cuts(bench):
+    """--recut changes the cost of rows alone; the shipped files are what it makes of those before."""
+    for name in ("shipped", "segmenter"):
+        with open(os.path.join(HERE, "..", "..", "src", "detect", f"{name}.fvm"), "rb") as file:
+            shipped = file.read()
+        at = struct.unpack_from("<I", shipped, 32)[0] + 4 * 15
+        before = bytearray(shipped)
+        struct.pack_into("<i", before, at, 133120)  # as they were imported, before costs were measured
+        struct.pack_into("<I", before, 12, zlib.crc32(bytes(before[16:])))
+        bench.holds(f"{name}.fvm as it was before", bytes(before) == shipped, False)
+        made = bench.run(bytes(before), "--recut", "0")
+        bench.holds(f"{name}.fvm cut anew is the committed one", getattr(made, "raw", b"") == shipped, True)
+    others = [i for i, kind in enumerate(kinds_of(shipped)) if kind != 1]
+    bench.refused("nothing to cut", shipped, "expected a convolution or a fully connected layer", "--recut", str(others[0]))
+    bench.refused("no such operator", shipped, "found no such operator, expected numbers from 0 to", "--recut", "0,99")
+    bench.refused("no numbers", shipped, "found no such operator", "--recut", "-1")
+    bench.refused("a damaged file", shipped[:-1], "the stated size is", "--recut", "0")
+
+
+def kinds_of(raw):
+    count, at = struct.unpack_from("<2I", raw, 28)
+    return [struct.unpack_from("<i", raw, at + 256 * i)[0] for i in range(count)]
+
+
 def units(bench):
     """No row of a large layer is more than a unit's work; units are cut by the set that takes longest."""
     for what, shape, weights in (("connected", (1, 2000), (3000, 2000)), ("convolution", (1, 7, 7, 512), (512, 3, 3, 512))):
@@ -478,7 +503,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, heads, planes, states, outputs, refusals, beyond, ranges, thresholds, labels, anchors, unread, loaded, units, archived, files, damaged):
+        for test in (guesses, heads, planes, states, outputs, refusals, beyond, ranges, thresholds, labels, anchors, unread, loaded, units, cuts, archived, files, damaged):
             test(bench)
     return 1 if bench.wrong else 0
 

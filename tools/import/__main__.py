@@ -3,6 +3,7 @@
     python3 tools/import MODEL.tflite [-o MODEL.fvm] [--labels FILE] [--decoder NAME] ...
     python3 tools/import MODEL.tflite --check IMAGE... [--layers] [--set avx2]
     python3 tools/import --quantise FLOAT.tflite|MODEL.onnx PICTURE... [-o MODEL.fvm]
+    python3 tools/import --recut 0,2 MODEL.fvm -o NEW.fvm
 
 Needs the packages tflite and numpy; --check also ai-edge-litert and pillow. See README.md beside this file."""
 import argparse
@@ -40,6 +41,7 @@ for package in ("numpy", "tflite", "flatbuffers"):
 
 import graph as graph_module  # noqa: E402
 import plan as plan_module  # noqa: E402
+import recut  # noqa: E402
 import trial  # noqa: E402
 import use  # noqa: E402
 from lower import Lowering, REFUSAL_MAX, shortened  # noqa: E402
@@ -146,6 +148,24 @@ def print_precision(tried, arguments, figures):
     print("\n".join(precision.lines(kind, tried, arguments.labels, labels, classes)))
 
 
+def cut_anew(arguments):
+    """Write the model file with other cuts of some operators."""
+    path, output = arguments.model, arguments.output
+    if output is None or (os.path.exists(output) and os.path.samefile(output, path)):
+        return complain(f"--recut {path}: found {'no -o' if output is None else 'that file as -o'}, expected another file to write")
+    try:
+        with open(path, "rb") as file:
+            data = file.read()
+        trial.engine(data)
+        put(output, recut.run(data, arguments.recut))
+    except graph_module.ImportProblem as problem:
+        return complain(f"{path}: {shortened(str(problem))}")
+    except OSError as problem:
+        return complain(f"{problem.filename or output}: {problem.strerror}")
+    print(f"{output}: operators {arguments.recut} cut by the table of costs")
+    return 0
+
+
 def complain(text):
     print(text, file=sys.stderr)
     return 2
@@ -160,12 +180,15 @@ def main():
     parser.add_argument("--check", nargs="*", metavar="IMAGE", help="compare with the reference on images and noise")
     parser.add_argument("--layers", action="store_true", help="compare every operator, not only the outputs")
     parser.add_argument("--set", choices=kernel_sets(), help="kernel set for --check; default: the best of this processor")
+    parser.add_argument("--recut", metavar="OPERATORS", help="the model is a .fvm file: cut these convolutions anew, by today's table of costs")
     parser.add_argument("--no-fold", action="store_true", help="merge nothing, for finding faults")
     use.add_arguments(parser)
     arguments = parser.parse_intermixed_args()
     warnings.simplefilter("ignore", RuntimeWarning)  # numpy's, of scales that a damaged file has; what is wrong is said in one line
     if arguments.pictures and not arguments.quantise:
         return complain(f"{arguments.pictures[0]}: found a second file, expected one model (pictures go with --quantise)")
+    if arguments.recut is not None:
+        return cut_anew(arguments)
     output, tried = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm", None
     try:
         if arguments.quantise:
