@@ -144,6 +144,30 @@ def quantises(bench, planes):
         bench.holds("labels go along", archive.namelist() == ["labels.txt"], archive.namelist())
 
 
+def sloped(form):
+    """Two PRELU whose slopes have this of their maps' three axes, the first of more elements than a step has."""
+    b = Real(5)
+    for channels, stride in ((40, 1), (12, 2)):
+        b.conv(channels, stride)
+        shape = b.tensors[b.last][1]
+        slopes = b.r.uniform(-0.3, 1.3, [n if axis in form else 1 for n, axis in zip(shape[1:], "hwc")])
+        b.then("PRELU", shape, None, b.const("float32", slopes))
+    return b.file()
+
+
+def slopes(bench):
+    """PRELU of Keras without shared_axes, and its other forms, by the quantiser's own path."""
+    folder = os.path.join(bench.folder, "pictures")
+    for form in ("hwc", "hw", "c"):
+        model, out = bench.path(f"{form}.tflite", sloped(form)), bench.path(f"{form}.fvm")
+        done = bench.tool("--quantise", model, folder, "-o", out, "--decoder", "none")
+        bench.holds(f"slopes by {form}", done.returncode == 0 and "2 TABLE_PAIR" in done.stdout and os.path.exists(out), done)
+        check = bench.tool(bench.path(f"{form}.int8.tflite"), "--decoder", "none", "--check", os.path.join(folder, "01.png"), "--layers")
+        bench.holds(f"slopes by {form} equal the reference", check.returncode == 0 and "equal" in check.stdout and "DIFFERS" not in check.stdout, check)
+        rms, share = said(done.stdout)
+        bench.holds(f"and lose little, {share:g} %", share < 6, rms)
+
+
 def known(bench):
     """A network of which the int8 form is given: its real numbers, quantised again on photographs, lose little."""
     from real import real
@@ -361,6 +385,7 @@ def main():
         bench = Bench(folder)
         quantises(bench, False)
         quantises(bench, True)
+        slopes(bench)
         known(bench)
         halves(bench)
         own_operators(bench)
