@@ -136,8 +136,7 @@ static bool take(struct fv_iio *iio)
     const ssize_t bytes = read(iio->device.fd, iio->data + iio->held, sizeof iio->data - iio->held);
     if (bytes < 0) return errno == EAGAIN || errno == EINTR;
     if (bytes == 0) return false;
-    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC),
-                  offset_ns = clock == CLOCK_MONOTONIC ? 0 : now_ns - fv_clock_ns(clock);
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC), offset_ns = -fv_clock_ahead_ns(clock);
     const size_t held = iio->held + (size_t)bytes;
     size_t at = 0;
     for (; held - at >= size; at += size)
