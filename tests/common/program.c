@@ -16,6 +16,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
+#include "common/patience.h"
 
 enum { WORDS_MAX = 24, TEXT_BYTES = 1 << 14 };
 
@@ -49,14 +50,14 @@ pid_t program_begin(const char *const words[], int output, void (*prepare)(const
 int program_end(pid_t child)
 {
     int status = -1;
-    for (int tenths = 0; tenths < 10 * PROGRAM_PATIENCE_S; tenths++) {
+    int64_t end_ns = 0;
+    do {
         if (waitpid(child, &status, WNOHANG) == child)
             return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
-        usleep(100000);
-    }
+    } while (fv_test_patient(&end_ns, 100));
     kill(child, SIGKILL);
     waitpid(child, &status, 0);
-    fail_msg("the program did not end in %d s", PROGRAM_PATIENCE_S);
+    fail_msg("the program did not end in %d s", FV_TEST_PATIENCE_S);
     return -1;
 }
 
@@ -86,9 +87,9 @@ void program_expect_said(const char *words)
 
 void program_wait_until_said(const char *words)
 {
-    for (int tenths = 0; tenths < 10 * PROGRAM_PATIENCE_S && strstr(program_said(), words) == NULL;
-         tenths++)
-        usleep(100000);
+    int64_t end_ns = 0;
+    while (strstr(program_said(), words) == NULL && fv_test_patient(&end_ns, 100)) {
+    }
     program_expect_said(words);
 }
 
@@ -100,9 +101,9 @@ off_t program_file_bytes(const char *path)
 
 void program_wait_until_grown(const char *path, off_t bytes)
 {
-    for (int tenths = 0; tenths < 10 * PROGRAM_PATIENCE_S && program_file_bytes(path) < bytes;
-         tenths++)
-        usleep(100000);
+    int64_t end_ns = 0;
+    while (program_file_bytes(path) < bytes && fv_test_patient(&end_ns, 100)) {
+    }
     if (program_file_bytes(path) < bytes)
         fail_msg("%s has %lld bytes, expected %lld; the program said \"%s\"", path,
                  (long long)program_file_bytes(path), (long long)bytes, program_said());

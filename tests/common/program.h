@@ -5,8 +5,6 @@
 
 #include <sys/types.h>
 
-enum { PROGRAM_PATIENCE_S = 120 };
-
 /* Once: where what the commands say is kept. */
 void program_says_to(const char *file);
 

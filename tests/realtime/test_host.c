@@ -31,6 +31,7 @@
 #include "app/run/health.h"
 #include "common/datasets.h"
 #include "common/own_network.h"
+#include "common/patience.h"
 #include "common/program.h"
 #include "drivers/clock.h"
 #include "support/lcmlog.h"
@@ -56,7 +57,10 @@ int clock_gettime(clockid_t clock, struct timespec *time)
 #define BY_THE_CLOCK RUN, "--rate", "real", "--set", "record_buffer=1000"
 #define RECORDED BY_THE_CLOCK, "--set", "lcm_url=", "--record", recording, "--save-map", map
 
-enum { PART = 1 << 20 }; /* of a recording: some seconds */
+enum {
+    PART = 1 << 20,    /* of a recording: some seconds */
+    MESSAGES = 4 << 10 /* of a log of messages: some */
+};
 
 static void expect_replays(const char *path)
 {
@@ -128,9 +132,12 @@ static void a_clock_that_is_set_changes_nothing(void **state)
                                  "--record",   recording, "--save-map", map,     NULL};
     const pid_t child = program_begin(words, -1, NULL, NULL);
     program_wait_until_grown(recording, PART);
+    /* Both are written by then: each by a thread of its own. */
     atomic_store(set_by_ns, -hour_ns);
+    program_wait_until_grown(messages, program_file_bytes(messages) + MESSAGES);
     program_wait_until_grown(recording, program_file_bytes(recording) + PART / 4);
     atomic_store(set_by_ns, 24 * 365 * hour_ns);
+    program_wait_until_grown(messages, program_file_bytes(messages) + MESSAGES);
     program_wait_until_grown(recording, program_file_bytes(recording) + PART / 4);
     atomic_store(set_by_ns, 0);
     expect_goes_on(child);
@@ -274,9 +281,9 @@ static bool comes(int heard)
 {
     static char packet[1 << 16];
     int packets = 0;
-    for (int tenths = 0; tenths < 10 * PROGRAM_PATIENCE_S && packets < 10; tenths++)
-        while (packets < 10 && recv(heard, packet, sizeof packet, 0) > 0)
-            packets++;
+    int64_t end_ns = 0;
+    while (packets < 10 && fv_test_patient(&end_ns, 0))
+        packets += recv(heard, packet, sizeof packet, 0) > 0;
     return packets == 10;
 }
 
@@ -284,7 +291,8 @@ static bool stays_silent(int heard)
 {
     static char packet[1 << 16];
     int silent = 0;
-    for (int tenths = 0; tenths < 10 * PROGRAM_PATIENCE_S && silent < 20; tenths++)
+    int64_t end_ns = 0;
+    while (silent < 20 && fv_test_patient(&end_ns, 0))
         silent = recv(heard, packet, sizeof packet, 0) > 0 ? 0 : silent + 1;
     return silent == 20;
 }
@@ -300,8 +308,8 @@ static void expect_publisher(const char *socket_path, enum fv_health_state state
     int code = FV_EXIT_OK;
     snprintf(wanted, sizeof wanted, "\"publisher\", \"state\": %d", (int)state);
     snprintf(path, sizeof path, "%s/health", folder);
-    const time_t end = time(NULL) + PROGRAM_PATIENCE_S;
-    for (; time(NULL) < end; usleep(100000)) {
+    int64_t end_ns = 0;
+    do {
         const int out = open(path, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
         assert_true(out >= 0);
         code = program_end(program_begin(words, out, NULL, NULL));
@@ -309,7 +317,7 @@ static void expect_publisher(const char *socket_path, enum fv_health_state state
         close(out);
         said[bytes > 0 ? bytes : 0] = '\0';
         if (code == FV_EXIT_OK && strstr(said, wanted) != NULL) return;
-    }
+    } while (fv_test_patient(&end_ns, 100));
     fail_msg("expected %s, found \"%s\" and code %d, \"%s\"", wanted, said, code, program_said());
 }
 

@@ -27,6 +27,7 @@
 
 #include "app/command.h"
 #include "common/datasets.h"
+#include "common/patience.h"
 #include "common/program.h"
 
 enum {
@@ -170,15 +171,15 @@ static pid_t begin_other(void)
 /* The end is what only can be held, and a little; the kernel may need some time to write out. */
 static void set_end(void)
 {
-    bool set = false;
-    for (int tenths = 0; tenths < 10 * PROGRAM_PATIENCE_S && !set; tenths++) {
+    bool set;
+    int64_t end_ns = 0;
+    do {
         char text[32];
         const long long held =
             number_of(version->usage, "") - number_of("memory.stat", version->cache_key);
         snprintf(text, sizeof text, "%lld", held + SPARE_BYTES);
         set = put_in_group(version->limit, text);
-        if (!set) usleep(100000);
-    }
+    } while (!set && fv_test_patient(&end_ns, 100));
     assert_true(set);
 }
 
@@ -226,10 +227,10 @@ static void pages_that_are_taken_back_are_not_missed(void **state)
                     again = number_of("memory.stat", version->again_key), faults = faults_of(child);
     const pid_t reader = begin_other();
     assert_true(reader > 0);
-    for (int tenths = 0; tenths < 10 * PROGRAM_PATIENCE_S &&
-                         number_of(version->met, version->met_key) < met + MET_MIN;
-         tenths++)
-        usleep(100000);
+    int64_t end_ns = 0;
+    while (number_of(version->met, version->met_key) < met + MET_MIN &&
+           fv_test_patient(&end_ns, 100)) {
+    }
     program_wait_until_grown(recording, program_file_bytes(recording) + 2 * PART);
     assert_true(number_of(version->met, version->met_key) >= met + MET_MIN);
     assert_true(number_of("memory.stat", version->again_key) > again);

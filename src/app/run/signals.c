@@ -16,17 +16,20 @@
 #include "support/stall.h"
 
 static const int ending[] = {SIGINT, SIGTERM, SIGHUP, SIGXCPU};
-enum { ENDING_COUNT = sizeof ending / sizeof *ending, LINE_BYTES = 1024 };
+enum { ENDING_COUNT = sizeof ending / sizeof *ending, LINE_BYTES = 1024, LOOK_MS = 50 };
 
 static struct fv_signals signals;
 static sigset_t waited_for;
 static atomic_bool opened;
+static clockid_t opening_cpu;         /* processor time of the thread that opens */
 static volatile sig_atomic_t strayed; /* came to a thread of a library that blocks none */
 
 struct watch {
     int first; /* the signal that ends the run; 0: none came */
     int64_t first_ns;
     struct fv_stall reported; /* the stalled call of the last line; id 0: it has gone on */
+    int64_t opening_cpu_ns;   /* of opening_cpu, when it was last seen to compute */
+    int idle_looks;           /* at what is being opened since then, or since the signal */
 };
 
 static void handle(int number)
@@ -120,6 +123,20 @@ static void end_stalled(const struct watch *watch, const struct fv_stall *call, 
     _exit(FV_EXIT_FAILED);
 }
 
+/* Whether what is being opened when the signal comes has had its time. What computes goes on, and
+ * time in which this program has no processor is no time of it: looks are counted. */
+static bool opening_hangs(struct watch *watch)
+{
+    const int64_t cpu_ns = fv_clock_ns(opening_cpu);
+    if (atomic_load(&opened)) return false;
+    watch->idle_looks++;
+    if (watch->first == 0 || cpu_ns - watch->opening_cpu_ns >= FV_STALL_COMPUTES_NS) {
+        watch->opening_cpu_ns = cpu_ns;
+        watch->idle_looks = 0;
+    }
+    return watch->idle_looks * LOOK_MS >= FV_SIGNALS_PATIENCE_MS;
+}
+
 static void look(struct watch *watch, int64_t now)
 {
     const int64_t patience_ns = FV_SIGNALS_PATIENCE_MS * 1000000LL;
@@ -127,11 +144,12 @@ static void look(struct watch *watch, int64_t now)
     int64_t moved_ns;
     const bool waits = fv_stall_longest(&call, &moved_ns);
     report(watch, &call, now);
+    const bool hangs = opening_hangs(watch);
     if (watch->first == 0 || now - watch->first_ns < patience_ns) return;
     const int64_t call_ns = call.disk ? FV_SIGNALS_DISK_MS * 1000000LL : patience_ns;
     if (waits && now - call.since_ns >= call_ns && now - moved_ns >= call_ns)
         end_stalled(watch, &call, now);
-    if (!atomic_load(&opened)) end_by(watch->first);
+    if (hangs) end_by(watch->first);
 }
 
 static void *wait_for_them(void *context)
@@ -139,7 +157,7 @@ static void *wait_for_them(void *context)
     struct watch watch = {0};
     (void)context;
     for (;;) {
-        const struct timespec pause = {.tv_nsec = 50000000};
+        const struct timespec pause = {.tv_nsec = LOOK_MS * 1000000};
         int number = sigtimedwait(&waited_for, NULL, &pause);
         if (number < 0) {
             number = strayed;
@@ -158,6 +176,8 @@ enum fovea_status fv_signals_watch(const struct fv_signals *wanted, struct fovea
     struct sigaction before;
     pthread_t thread;
     signals = *wanted;
+    if (pthread_getcpuclockid(pthread_self(), &opening_cpu) != 0)
+        opening_cpu = CLOCK_PROCESS_CPUTIME_ID;
     sigemptyset(&waited_for);
     for (int i = 0; i < ENDING_COUNT; i++) {
         sigaction(ending[i], NULL, &before);

@@ -10,8 +10,9 @@
  * A call of support/stall.h that has waited for FV_SIGNALS_STALL_MS is named in a line on stderr.
  * After a signal, when one has waited for FV_SIGNALS_PATIENCE_MS, or for a disk for
  * FV_SIGNALS_DISK_MS, and nothing else was written in that time, the program ends with
- * FV_EXIT_FAILED and a line that says what is lost. FV_SIGNALS_PATIENCE_MS
- * is left to what is still being opened when the signal comes; then the signal ends the program. */
+ * FV_EXIT_FAILED and a line that says what is lost. FV_SIGNALS_PATIENCE_MS in which it does not
+ * compute, though this program has the processor, are left to what is still being opened when the
+ * signal comes; then the signal ends the program. */
 #ifndef FOVEA_APP_RUN_SIGNALS_H
 #define FOVEA_APP_RUN_SIGNALS_H
 
@@ -36,8 +37,9 @@ struct fv_signals {
     atomic_bool *reload; /* NULL: SIGHUP ends the run */
 };
 
-/* Before anything is opened and before any other thread is started, which all inherit what is
- * blocked here; once in a process. `signals` stays the caller's and lives as long as the process.
+/* Before anything is opened, on the thread that opens, and before any other thread is started,
+ * which all inherit what is blocked here; once in a process. `signals` stays the caller's and lives
+ * as long as the process.
  */
 enum fovea_status fv_signals_watch(const struct fv_signals *signals, struct fovea_error *error);
 
