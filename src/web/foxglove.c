@@ -525,7 +525,7 @@ static void set(struct fv_foxglove_client *client, struct fv_foxglove_parameters
 {
     struct fv_foxglove_request *request = request_begin(client, said->id, true, now_ns);
     if (request == NULL) return;
-    request->deadline_ns = now_ns + 2 * FV_SECOND_NS;
+    request->deadline_ns = now_ns + FV_FOXGLOVE_PATIENCE_S * FV_SECOND_NS;
     for (uint32_t i = 0; i < said->count; i++) {
         const int32_t key = fv_foxglove_parameters_find(said->names[i]);
         const char *reason = key < 0 ? "no key of the configuration" : said->refused[i];

@@ -8,7 +8,7 @@
 
 #include "fovea_parameter_result_t.h"
 
-#define PATIENCE_NS FV_SECOND_NS
+#define PATIENCE_NS (FV_FOXGLOVE_PATIENCE_S * FV_SECOND_NS)
 
 void fv_foxglove_parameters_free(struct fv_foxglove_parameters *parameters)
 {
@@ -56,7 +56,7 @@ void fv_foxglove_parameters_tick(struct fv_foxglove_parameters *parameters, int6
         if (parameters->asked[i].id != 0 && now_ns - parameters->asked[i].sent_ns > PATIENCE_NS) {
             parameters->asked[i].id = 0;
             report(parameters, parameters->asked[i].key, 0, FV_FOXGLOVE_SILENT,
-                   "the run has not answered for a second");
+                   "the run has not answered for 10 s");
         }
         if (parameters->asked[i].id == 0 && parameters->commander != NULL &&
             parameters->commander->transport != NULL && parameters->run_id != 0)

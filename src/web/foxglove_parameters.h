@@ -11,13 +11,16 @@
 #include "message/message.h"
 #include "web/command.h"
 
-enum { FV_FOXGLOVE_ASKED_MAX = 4 /* a run takes 8 requests that wait */ };
+enum {
+    FV_FOXGLOVE_ASKED_MAX = 4,  /* a run takes 8 requests that wait */
+    FV_FOXGLOVE_PATIENCE_S = 10 /* a run that lacks the processor takes seconds for a frame */
+};
 
 enum fv_foxglove_result {
     FV_FOXGLOVE_DONE,
     FV_FOXGLOVE_REFUSED,
     FV_FOXGLOVE_NEEDS_RESTART,
-    FV_FOXGLOVE_SILENT /* no answer has come for a second */
+    FV_FOXGLOVE_SILENT /* no answer has come for FV_FOXGLOVE_PATIENCE_S */
 };
 
 struct fv_foxglove_answer {

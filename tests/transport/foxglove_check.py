@@ -28,6 +28,8 @@ import read_recording  # noqa: E402
 import views  # noqa: E402
 
 ADDRESS = "ws://127.0.0.1:7680/"
+PATIENCE_S = 120  # other programs may use the processor
+CONNECTION = {"max_size": 1 << 21, "open_timeout": PATIENCE_S, "ping_timeout": None, "close_timeout": 0.2}
 PUBLISHED = {kind.DESCRIPTOR.full_name: kind for kind in (
     CompressedImage_pb2.CompressedImage, ImageAnnotations_pb2.ImageAnnotations, PoseInFrame_pb2.PoseInFrame,
     FrameTransforms_pb2.FrameTransforms, PointCloud_pb2.PointCloud, Grid_pb2.Grid, Log_pb2.Log)}
@@ -148,16 +150,16 @@ class Client:
     async def say(self, **what):
         await self.socket.send(json.dumps(what))
 
-    async def wait(self, holds, seconds, what):
+    async def wait(self, holds, what):
         loop = asyncio.get_running_loop()
-        end = loop.time() + seconds
+        end = loop.time() + PATIENCE_S
         while not holds():
-            expect(loop.time() < end, f"{what}: not in {seconds} s; texts {str(self.texts)[:600]}")
+            expect(loop.time() < end, f"{what}: not in {PATIENCE_S} s; texts {str(self.texts)[:600]}")
             await self.take(0.2)
 
 
 def opened(protocol="foxglove.sdk.v1", **more):
-    return websockets.connect(ADDRESS, subprotocols=[protocol], max_size=1 << 21, close_timeout=0.2, **more)
+    return websockets.connect(ADDRESS, subprotocols=[protocol], **CONNECTION, **more)
 
 
 # ---- views -------------------------------------------------------------------------------------------------------------------------
@@ -232,7 +234,7 @@ def check_image(topic, time_ns, payload, expected):
 async def stands_at_start(page):
     """Until the page hears that the recording is paused at its start, which the server says after it has gone there."""
     while True:
-        message = await asyncio.wait_for(page.recv(), 20)
+        message = await asyncio.wait_for(page.recv(), PATIENCE_S)
         said = json.loads(message) if isinstance(message, str) else {}
         if said.get("kind") == "playback" and said["paused"] and said["position_ms"] == 0:
             return
@@ -248,7 +250,7 @@ def is_enough(client, expected):
 
 async def check_views(recording):
     expected = made_by_views(recording)
-    async with websockets.connect(ADDRESS, subprotocols=["fovea"], origin="http://127.0.0.1:7680", max_size=1 << 21, close_timeout=0.2) as page:
+    async with websockets.connect(ADDRESS, subprotocols=["fovea"], origin="http://127.0.0.1:7680", **CONNECTION) as page:
         # Paused at its start until the client has subscribed. A seek is done at the server's next tick: who subscribes before that gets what
         # is shown where the recording stood. Where that is not the start, log and map begin there, and views.py makes neither.
         await page.send("play 1 pause")
@@ -257,10 +259,10 @@ async def check_views(recording):
         async with opened() as socket:
             client = Client(socket)
             first = {topic for topic in expected if topic.endswith(("/cam0/image", "/log"))}
-            await client.wait(lambda: first <= {topic for topic, _, _ in client.data}, 20, f"of the start, {sorted(first)}")
+            await client.wait(lambda: first <= {topic for topic, _, _ in client.data}, f"of the start, {sorted(first)}")
             await page.send("play 3 resume")
             await page.close()
-            await client.wait(lambda: is_enough(client, expected), 60, f"messages of {sorted(expected)}")
+            await client.wait(lambda: is_enough(client, expected), f"messages of {sorted(expected)}")
     expect(client.info["capabilities"] == ["time"] and client.info["name"].startswith("fovea "), f"serverInfo {client.info}")
     topics = {channel["topic"] for channel in client.channels.values()}
     expect(topics == set(expected), f"found topics {sorted(topics)}, expected {sorted(expected)}")
@@ -288,10 +290,10 @@ async def check_heard():
     async with opened() as socket:
         client = Client(socket)
         wanted = {f"/FOVEA/{name}" for name in ("cam0/image", "cam0/preview", "pose", "camera_pose", "transforms", "map", "log")}
-        await client.wait(lambda: wanted <= {topic for topic, _, _ in client.data}, 60, f"messages on {sorted(wanted)}")
+        await client.wait(lambda: wanted <= {topic for topic, _, _ in client.data}, f"messages on {sorted(wanted)}")
         expect(client.info["capabilities"] == ["time"], f"serverInfo {client.info}")
         await client.say(op="setParameters", parameters=[{"name": "features.threshold", "value": 30}])
-        await client.wait(lambda: client.texts, 10, "a refusal")
+        await client.wait(lambda: client.texts, "a refusal")
         expect(client.texts[0]["level"] == 2 and client.texts[0]["message"].startswith("features.threshold: "), f"{client.texts}")
 
 
@@ -351,14 +353,14 @@ def shape(text):
 
 async def ask(address):
     """The shapes of the first texts of a server, and of its answers to each question."""
-    async with websockets.connect(address, subprotocols=["foxglove.sdk.v1"], max_size=1 << 21, close_timeout=0.2) as socket:
+    async with websockets.connect(address, subprotocols=["foxglove.sdk.v1"], **CONNECTION) as socket:
         expect(socket.subprotocol == "foxglove.sdk.v1", f"{address}: found {socket.subprotocol}")
         channel, answers, first = None, [], {}
 
         async def hear(seconds, count=None):
             nonlocal channel
             found, loop = [], asyncio.get_running_loop()
-            end = loop.time() + (seconds if not count else 10)
+            end = loop.time() + (seconds if not count else PATIENCE_S)
             while loop.time() < end:
                 try:
                     message = await asyncio.wait_for(socket.recv(), max(end - loop.time(), 0.001))
@@ -417,28 +419,28 @@ async def check_parameters():
     """A value that is set comes back as the run's, to those who watch it too; a wrong one is refused by the run, with key and reason."""
     async with opened() as socket, opened("foxglove.websocket.v1") as other:
         one, two = Client(socket), Client(other)
-        await one.wait(lambda: one.info is not None, 10, "serverInfo")
+        await one.wait(lambda: one.info is not None, "serverInfo")
         expect(other.subprotocol == "foxglove.websocket.v1", "the older name of the protocol")
         await two.say(op="subscribeParameterUpdates", parameterNames=["features.threshold"])
-        await two.wait(lambda: two.info is not None, 10, "serverInfo")
+        await two.wait(lambda: two.info is not None, "serverInfo")
         await one.say(op="getParameters", parameterNames=[], id="all")
-        await one.wait(lambda: values(one.texts), 30, "all parameters")
+        await one.wait(lambda: values(one.texts), "all parameters")
         found = {p["name"]: p for p in values(one.texts)[0]["parameters"]}
         expect(len(found) > 100 and not statuses(one.texts), f"found {len(found)} parameters and {statuses(one.texts)}")
         expect(found["features.threshold"]["value"] == 20 and found["odometry.enabled"]["value"] is True, "values")
         expect(any(p.get("type") == "float64" and isinstance(p["value"], (int, float)) for p in found.values()), "no real number")
         one.texts.clear()
         await one.say(op="setParameters", parameters=[{"name": "features.threshold", "value": 33}], id="set")
-        await one.wait(lambda: values(one.texts), 10, "an answer")
+        await one.wait(lambda: values(one.texts), "an answer")
         expect(values(one.texts)[0] == {"op": "parameterValues", "id": "set", "parameters": [{"name": "features.threshold", "value": 33}]},
                f"{one.texts}")
-        await two.wait(lambda: values(two.texts), 10, "an update")
+        await two.wait(lambda: values(two.texts), "an update")
         expect(values(two.texts)[-1]["parameters"] == [{"name": "features.threshold", "value": 33}], f"{two.texts}")
         one.texts.clear()
         await one.say(op="setParameters", id="wrong", parameters=[
             {"name": "features.threshold", "value": 100000}, {"name": "odometry.landmarks", "value": 2000}, {"name": "none.such", "value": 1},
             {"name": "seed"}])
-        await one.wait(lambda: values(one.texts) and len(statuses(one.texts)) >= 4, 10, "refusals")
+        await one.wait(lambda: values(one.texts) and len(statuses(one.texts)) >= 4, "refusals")
         said = {text["message"].split(":")[0]: text for text in statuses(one.texts)}
         expect(set(said) == {"features.threshold", "odometry.landmarks", "none.such", "seed"}, f"{said}")
         expect(all(text["level"] >= 1 and len(text["message"].split(": ", 1)[1]) > 10 for text in said.values()), f"{said}")

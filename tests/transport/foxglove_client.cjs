@@ -23,7 +23,7 @@ const waiting = [];
 // Resolve when the condition holds, which is looked at after each message.
 function until(holds, what) {
     return new Promise((resolve) => {
-        const patience = setTimeout(() => fail(`${what}: not in 30 s`), 30000);
+        const patience = setTimeout(() => fail(`${what}: not in 120 s`), 120000);
         waiting.push(() => {
             if (!holds()) return false;
             clearTimeout(patience);

@@ -8,6 +8,7 @@
 
 #include "common/build_folder.h"
 #include "common/watched.h"
+#include "common/patience.h"
 #include "common/web_case.h"
 
 static char folder[] = "/tmp/fovea_foxglove_XXXXXX";
@@ -68,10 +69,9 @@ static void start_run(const char *const *more)
     for (int i = 0; more[i] != NULL; i++)
         arguments[13 + i] = more[i];
     watched_start(&watched, "run", arguments);
-    int probe = -1;
-    for (int i = 0; i < 3000 && probe < 0; i++) {
-        probe = web_connect();
-        if (probe < 0) usleep(10000);
+    int64_t end_ns = 0;
+    int probe;
+    while ((probe = web_connect()) < 0 && fv_test_patient(&end_ns, 10)) {
     }
     assert_true(probe >= 0);
     close(probe);

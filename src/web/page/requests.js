@@ -1,6 +1,6 @@
 // Requests to the run, which answers through the feed. Until it is sent a request has a number of this page, then that of its message.
 
-const SENT_MS = 5000, ANSWERED_MS = 8000;
+const SENT_MS = 20000, ANSWERED_MS = 20000; // a robot that lacks the processor is slow to answer
 const NO_ANSWER = "no answer of the run (its keys listen, commands and command_key)";
 
 export class Requests {

@@ -109,17 +109,17 @@ static void silence_is_said(void **state)
     (void)state;
     say("{\"op\":\"setParameters\",\"parameters\":[{\"name\":\"" COUNT
         "\",\"value\":33}],\"id\":\"set\"}");
-    now_ns += SECOND;
+    now_ns += FV_FOXGLOVE_PATIENCE_S * SECOND - 1;
     assert_false(next());
-    now_ns += SECOND;
+    now_ns++;
     until("\"id\":\"set\"");
     until("\"level\":2,\"message\":\"" COUNT ": the run has not answered\"");
     say("{\"op\":\"getParameters\",\"parameterNames\":[\"" COUNT "\"],\"id\":\"get\"}");
     fv_foxglove_parameters_tick(&parameters, now_ns);
-    fv_foxglove_parameters_tick(&parameters, now_ns + SECOND);
+    fv_foxglove_parameters_tick(&parameters, now_ns + FV_FOXGLOVE_PATIENCE_S * SECOND);
     assert_false(next());
-    fv_foxglove_parameters_tick(&parameters, now_ns + SECOND + 1);
-    until("\"level\":2,\"message\":\"" COUNT ": the run has not answered for a second\"");
+    fv_foxglove_parameters_tick(&parameters, now_ns + FV_FOXGLOVE_PATIENCE_S * SECOND + 1);
+    until("\"level\":2,\"message\":\"" COUNT ": the run has not answered for 10 s\"");
     until("\"parameters\":[]");
 }
 
