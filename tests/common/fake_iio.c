@@ -9,6 +9,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "common/patience.h"
+
 enum { SCAN_BYTES = 40 };
 
 static char root[64], device[160], away[160], node[160];
@@ -48,6 +50,15 @@ bool fake_iio_says(const char *name, const char *value)
     (void)fclose(file);
     text[strcspn(text, "\n")] = '\0';
     return read && strcmp(text, value) == 0;
+}
+
+bool fake_iio_comes_to_say(const char *name, const char *value)
+{
+    bool says = false;
+    int64_t end_ns = 0;
+    while (!(says = fake_iio_says(name, value)) && fv_test_patient(&end_ns, 5)) {
+    }
+    return says;
 }
 
 static void buffer_make(void)

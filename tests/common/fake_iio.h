@@ -14,6 +14,8 @@ void fake_iio_remove(void);
 void fake_iio_file(const char *name, const char *value);
 /* What a file says now. */
 bool fake_iio_says(const char *name, const char *value);
+/* The same, when it has been waited for. */
+bool fake_iio_comes_to_say(const char *name, const char *value);
 
 /* The buffer: a scan with raw values. False: nobody takes it. */
 bool fake_iio_scan(const int16_t raw[6], int64_t stamp_ns);

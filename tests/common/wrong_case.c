@@ -17,7 +17,7 @@
 #include "app/command.h"
 #include "common/datasets.h"
 
-enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 24, SECONDS_MAX = 60 };
+enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 24, SECONDS_MAX = 300 };
 
 static int cases;
 

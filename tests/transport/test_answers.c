@@ -18,17 +18,13 @@
 #include "app/run/answers.h"
 #include "app/run/keeper.h"
 #include "common/build_folder.h"
+#include "common/patience.h"
 #include "common/watched.h"
 
 #include "fovea_command_result_t.h"
 #include "fovea_command_t.h"
 
 #define URL "udpm://239.255.76.67:7667"
-
-static void sleep_ms(int ms)
-{
-    usleep((useconds_t)ms * 1000);
-}
 
 /* ---- the loop's side, by hand ---------------------------------------------------------------- */
 
@@ -103,17 +99,17 @@ static void send(int64_t id, int32_t bits)
 static void arrived(uint64_t count)
 {
     struct fv_transport_counts counts = {0};
-    for (int i = 0; i < 6000 && counts.commands + counts.commands_refused < count; i++) {
-        sleep_ms(10);
+    int64_t end_ns = 0;
+    while (counts.commands + counts.commands_refused < count && fv_test_patient(&end_ns, 10))
         fv_transport_counts(transport, &counts);
-    }
     assert_int_equal(counts.commands + counts.commands_refused, count);
 }
 
 /* Until there are `count` answers, and no more. */
 static void answered(uint32_t count)
 {
-    for (int i = 0; i < 6000 && heard.count < count; i++)
+    int64_t end_ns = 0;
+    while (heard.count < count && fv_test_patient(&end_ns, 0))
         fv_receiver_handle(receiver, 10);
     fv_receiver_handle(receiver, 50);
     assert_int_equal(heard.count, count);
@@ -206,14 +202,17 @@ static void a_flood_of_wrong_commands_gets_few_answers(void **state)
     clock_gettime(CLOCK_MONOTONIC, &begin);
     for (int i = 0; i < 200; i++) {
         send(i, 512);
-        sleep_ms(1);
+        usleep(1000);
         if (i % 20 == 0) (void)fv_answers_take(&answers, &keeper, &recordings);
     }
     arrived(200);
     clock_gettime(CLOCK_MONOTONIC, &end);
     (void)fv_answers_take(&answers, &keeper, &recordings);
     const uint32_t seconds = (uint32_t)(end.tv_sec - begin.tv_sec) + 2;
-    for (int i = 0; i < 20; i++)
+    int64_t end_ns = 0;
+    while (heard.count < 10 && fv_test_patient(&end_ns, 0))
+        fv_receiver_handle(receiver, 10);
+    for (int i = 0; i < 20; i++) /* and what there is besides */
         fv_receiver_handle(receiver, 10);
     assert_true(heard.count >= 10 && heard.count <= 10 * seconds);
 }
@@ -229,8 +228,21 @@ static void a_flood_of_wrong_commands_gets_few_answers(void **state)
 static int ask(const char *program, const char *words, char *line, size_t bytes)
 {
     char command[1600];
-    snprintf(command, sizeof command, "%s --prefix R --wait 60 %s 2>&1", program, words);
+    snprintf(command, sizeof command, "%s --prefix R --wait 120 %s 2>&1", program, words);
     return watched_shell(command, line, bytes);
+}
+
+/* Ask for what changes nothing until the run listens, and answers in time. */
+static void await_run(const char *program)
+{
+    char words[64], line[512];
+    int64_t end_ns = 0;
+    int code = 3;
+    for (int wait_s = 1; code == 3 && fv_test_patient(&end_ns, 0); wait_s *= 2) {
+        snprintf(words, sizeof words, "--wait %d resume", wait_s);
+        code = ask(program, words, line, sizeof line);
+    }
+    assert_int_equal(code, 0);
 }
 
 static void expect_answer(const char *program, const char *words, int code, const char *text)
@@ -258,13 +270,7 @@ static void programs_print_the_answers_of_a_run(void **state)
         "--source", ORBIT, "--rate", "real", "--quiet", "--picture",        "none",
         "--set",    HALF,  "--set",  save,   "--set",   "channel_prefix=R", NULL};
     watched_start(&watched, "run", arguments);
-    char line[512];
-    int code = 3; /* until the run listens */
-    for (int i = 0; i < 60 && code == 3; i++) {
-        char command[64] = "--wait 1 resume";
-        code = ask(tools[0], command, line, sizeof line);
-    }
-    assert_int_equal(code, 0);
+    await_run(tools[0]);
     for (int i = 0; i < 2; i++) {
         expect_answer(tools[i], "pause", 0, "done\n");
         expect_answer(tools[i], "reset resume", 0, "done\n");
@@ -276,7 +282,7 @@ static void programs_print_the_answers_of_a_run(void **state)
     expect_answer(tools[0], "save", 0, "done\n");
     assert_int_equal(stat(map, &saved), 0); /* the answer comes when the file is there */
     assert_true(saved.st_size > 0);
-    expect_answer(tools[0], "--wait 10 --sender 3 --run-id 5 reset", 1,
+    expect_answer(tools[0], "--sender 3 --run-id 5 reset", 1,
                   "refused: for another run: expected the run_id of this one\n");
     watched_interrupt(&watched);
     assert_int_equal(watched_end(&watched), 0);
@@ -311,8 +317,7 @@ static void find_recording(const char *folder, char *path, size_t bytes)
 static void recordings_by_command_replay(void **state)
 {
     static struct watched watched;
-    char folder[] = "/tmp/fovea_answers_XXXXXX", whole[64], kept[96], tools[2][700], line[512],
-         path[256];
+    char folder[] = "/tmp/fovea_answers_XXXXXX", whole[64], kept[96], tools[2][700], path[256];
     (void)state;
     assert_non_null(mkdtemp(folder));
     snprintf(whole, sizeof whole, "%s/whole.lcm", folder);
@@ -334,18 +339,13 @@ static void recordings_by_command_replay(void **state)
         whole,
         NULL};
     watched_start(&watched, "run", arguments);
-    int code = 3; /* until the run listens */
-    for (int i = 0; i < 60 && code == 3; i++) {
-        char command[64] = "--wait 1 resume";
-        code = ask(tools[0], command, line, sizeof line);
-    }
-    assert_int_equal(code, 0);
+    await_run(tools[0]);
     expect_answer(tools[0], "record-stop", 1, "refused: found no recording to end\n");
     expect_answer(tools[1], "features.threshold=27", 0, "done\n");
     expect_answer(tools[0], "record", 0, "done\n");
     expect_answer(tools[0], "record", 1, "refused: a recording has been begun already\n");
     expect_answer(tools[1], "features.threshold=24", 0, "done\n");
-    sleep_ms(500);
+    usleep(500000);
     expect_answer(tools[0], "record-stop", 0, "done\n");
     find_recording(folder, path, sizeof path);
     watched_interrupt(&watched);
@@ -369,8 +369,10 @@ static char *back_up(const char *tool)
 {
     char command[1400], *text = calloc(1, 65536);
     assert_non_null(text);
-    snprintf(command, sizeof command, "%s --prefix R --wait 5 backup", tool);
-    for (int i = 0; i < 60 && strncmp(text, "# All settings", 14) != 0; i++) {
+    int64_t end_ns = 0;
+    for (int wait_s = 5; strncmp(text, "# All settings", 14) != 0 && fv_test_patient(&end_ns, 0);
+         wait_s *= 2) {
+        snprintf(command, sizeof command, "%s --prefix R --wait %d backup", tool, wait_s);
         (void)watched_shell(command, text, 65536); /* until the run listens */
     }
     return text;

@@ -23,6 +23,7 @@
 
 #include "app/network/feed.h"
 #include "app/network/feed_reader.h"
+#include "common/patience.h"
 
 enum { WIDTH = 160, PADDED = WIDTH + 300, HEIGHT = 120, MESSAGES = 6000, BYTES_MAX = 60000 };
 
@@ -217,10 +218,9 @@ static void without_readers_nothing_is_written_and_the_end_is_seen(void **state)
     fv_feed_put(feed, &message);
     struct fv_feed_reader *reader = read_feed();
     assert_int_equal(fv_feed_reader_next(reader, &read), FOVEA_AGAIN);
-    for (int i = 0; i < 1000 && fv_feed_reader_next(reader, &read) == FOVEA_AGAIN; i++) {
+    int64_t end_ns = 0;
+    while (fv_feed_reader_next(reader, &read) == FOVEA_AGAIN && fv_test_patient(&end_ns, 1))
         fv_feed_put(feed, &message); /* until the feed knows of the reader */
-        usleep(1000);
-    }
     assert_int_equal(read.bytes, sizeof data);
     fv_feed_close(feed);
     while (fv_feed_reader_next(reader, &read) == FOVEA_OK) {
@@ -303,9 +303,10 @@ static void readers_are_bounded_and_leave_nothing_behind(void **state)
         close(from);
     }
     for (int i = 0; i < FV_FEED_READERS_MAX; i++) {
-        readers[i] = NULL;
-        for (int k = 0; k < 1000 && readers[i] == NULL; k++) /* until the old ones are gone */
-            if (fv_feed_reader_open(path, 0, &readers[i], &error) != FOVEA_OK) usleep(1000);
+        int64_t end_ns = 0;
+        while (fv_feed_reader_open(path, 0, &readers[i], &error) != FOVEA_OK &&
+               fv_test_patient(&end_ns, 1)) { /* until the old ones are gone */
+        }
         assert_non_null(readers[i]);
     }
     assert_int_equal(fv_feed_reader_open(path, 0, &more, &error), FOVEA_ERROR_SYSTEM);
@@ -393,6 +394,7 @@ static uint8_t *good_memory(size_t *bytes)
 {
     static uint8_t data[BYTES_MAX], pixels[WIDTH * HEIGHT];
     struct stat size;
+    int64_t end_ns = 0;
     struct fv_feed *feed = offer();
     const int from = plain_connect(), memory = memory_of(from);
     const uint32_t wish = 1000000;
@@ -403,15 +405,19 @@ static uint8_t *good_memory(size_t *bytes)
                                            .height = HEIGHT,
                                            .stride_bytes = WIDTH,
                                            .size_bytes = sizeof pixels};
+    assert_int_equal(fstat(memory, &size), 0);
+    *bytes = (size_t)size.st_size;
+    void *mapped = mmap(NULL, *bytes, PROT_READ, MAP_SHARED, memory, 0);
+    struct fv_feed_header *header = mapped;
+    while (atomic_load(&header->frames) == 0 && fv_test_patient(&end_ns, 1))
+        fv_feed_frame(feed, &frame); /* until the feed knows of the wish */
+    assert_true(atomic_load(&header->frames) > 0);
     for (uint64_t n = 1; n < 500; n++) {
         const struct fovea_message message = {"T_X", data, fill(n, data), false};
         fv_feed_put(feed, &message);
         fv_feed_frame(feed, &frame);
         usleep(n % 50 == 0 ? 1000 : 0);
     }
-    assert_int_equal(fstat(memory, &size), 0);
-    *bytes = (size_t)size.st_size;
-    void *mapped = mmap(NULL, *bytes, PROT_READ, MAP_SHARED, memory, 0);
     uint8_t *copy = malloc(*bytes);
     assert_non_null(copy);
     memcpy(copy, mapped, *bytes);

@@ -28,6 +28,7 @@
 
 #include "app/network/transport.h"
 #include "common/own_network.h"
+#include "common/patience.h"
 #include "../../drivers/clock.h"
 #include "image/jpeg.h"
 #include "message/message.h"
@@ -258,7 +259,10 @@ static void *loop(void *context)
         const int64_t late_ns = fv_clock_ns(CLOCK_MONOTONIC) - fv_clock_from_timespec(due);
         if (late_ns > sending->late_ns) sending->late_ns = late_ns;
         iteration(sending, i);
-        due = fv_clock_timespec(fv_clock_from_timespec(due) + FV_SECOND_NS / RATE_HZ);
+        /* A camera makes up for nothing, either. */
+        const int64_t next_ns = fv_clock_from_timespec(due) + FV_SECOND_NS / RATE_HZ,
+                      now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+        due = fv_clock_timespec(next_ns > now_ns ? next_ns : now_ns);
     }
     return NULL;
 }
@@ -298,18 +302,42 @@ static const struct fv_transport_channel *find(const struct fv_transport_sent *s
     return NULL;
 }
 
+/* All messages that arrived. */
+static uint64_t arrived(void)
+{
+    uint64_t all = 0;
+    for (int kind = 0; kind < KINDS; kind++)
+        all += heard->messages[kind];
+    return all;
+}
+
+/* Bytes that wait for the child to read them. */
+static unsigned long unread(void)
+{
+    char path[64], line[256];
+    unsigned long waiting = 0;
+    snprintf(path, sizeof path, "/proc/%d/net/udp", (int)child);
+    FILE *sockets = fopen(path, "r");
+    assert_non_null(sockets);
+    while (fgets(line, sizeof line, sockets) != NULL) {
+        unsigned port;
+        unsigned long bytes;
+        if (sscanf(line, " %*d: %*x:%x %*x:%*x %*x %*x:%lx", &port, &bytes) == 2 && port == 7667)
+            waiting += bytes;
+    }
+    fclose(sockets);
+    return waiting;
+}
+
 static void finish(struct fv_transport *transport, struct fv_transport_sent *sent)
 {
-    uint64_t before, now = 0;
+    uint64_t before;
+    int64_t end_ns = 0;
     fv_transport_finish(transport);
     fv_transport_sent(transport, sent);
-    do { /* until nothing more comes */
-        before = now;
-        sleep_ms(300);
-        now = 0;
-        for (int kind = 0; kind < KINDS; kind++)
-            now += heard->messages[kind];
-    } while (now != before);
+    do /* until nothing more comes */
+        before = arrived();
+    while (fv_test_patient(&end_ns, 300) && (arrived() != before || unread() > 0));
     for (uint32_t i = 0; i < sent->count; i++) {
         const struct fv_transport_channel *channel = &sent->channels[i];
         assert_int_equal(channel->offered, channel->sent + dropped(channel));
@@ -356,6 +384,12 @@ static void slow_link(const char *shape)
     start(&sending, URL, seconds * RATE_HZ);
     run(&sending);
     finish(sending.transport, &sent);
+    uint64_t all = 0;
+    for (int kind = 0; kind < KINDS; kind++)
+        all += find(&sent, kind)->sent;
+    int64_t end_ns = 0;
+    while (arrived() < all && fv_test_patient(&end_ns, 10)) {
+    }
     assert_true(command("tc qdisc del dev v0 root"));
     for (int kind = 0; kind < KINDS; kind++) { /* what is counted as sent arrived, whole */
         const struct fv_transport_channel *channel = find(&sent, kind);
@@ -401,10 +435,9 @@ static void every_pose_passes_a_slow_link_with_a_long_queue(void **state)
 static void send_until_heard(struct sending *sending)
 {
     const uint64_t before = heard->messages[POSE];
-    for (int i = 1; i < 600 && heard->messages[POSE] < before + 3; i++) {
+    int64_t end_ns = 0;
+    for (int i = 1; heard->messages[POSE] < before + 3 && fv_test_patient(&end_ns, 20); i++)
         iteration(sending, i);
-        sleep_ms(20);
-    }
     assert_true(heard->messages[POSE] >= before + 3);
 }
 
@@ -412,9 +445,9 @@ static void expect_drops(struct sending *sending, enum fv_transport_drop reason)
 {
     struct fv_transport_sent sent;
     uint64_t counted = 0;
-    for (int i = 1; i < 600 && counted < 10; i++) {
+    int64_t end_ns = 0;
+    for (int i = 1; counted < 10 && fv_test_patient(&end_ns, 5); i++) {
         iteration(sending, i);
-        sleep_ms(5);
         fv_transport_sent(sending->transport, &sent);
         counted = find(&sent, POSE)->dropped[reason];
     }
@@ -470,7 +503,6 @@ static void a_full_queue_is_not_counted_as_sent(void **state)
     finish(sending.transport, &sent);
     assert_true(command("tc qdisc del dev v0 root"));
     assert_true(find(&sent, POSE)->dropped[FV_TRANSPORT_DROP_QUEUE] > 0);
-    sleep_ms(100);
     assert_true(heard->messages[POSE] <= find(&sent, POSE)->sent);
     fv_transport_close(sending.transport);
 }
@@ -493,7 +525,8 @@ static int server_open(char url[64])
 static void await(int descriptor, struct sending *sending)
 {
     struct pollfd wait = {.fd = descriptor, .events = POLLIN};
-    for (int i = 1; i < 2000 && poll(&wait, 1, 10) == 0; i++)
+    int64_t end_ns = 0;
+    for (int i = 1; poll(&wait, 1, 10) == 0 && fv_test_patient(&end_ns, 0); i++)
         iteration(sending, i);
     assert_true(wait.revents != 0);
 }

@@ -19,6 +19,7 @@
 
 #include "base/elementary.h"
 #include "common/datasets.h"
+#include "common/patience.h"
 #include "common/watched.h"
 #include "common/web_client.h"
 
@@ -204,8 +205,9 @@ static void what_is_no_tls_leaves_nothing_behind(void **state)
         close(socket);
     }
     assert_int_equal(ask("GET / HTTP/1.1\r\n" HOST "\r\n"), 401); /* the page of the login */
-    for (int i = 0; i < 600 && descriptors(process) > before; i++)
-        usleep(20000);
+    int64_t end_ns = 0;
+    while (descriptors(process) > before && fv_test_patient(&end_ns, 20)) {
+    }
     assert_true(descriptors(process) <= before);
     assert_int_equal(web_end(process, true), 0);
 }

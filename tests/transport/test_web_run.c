@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "common/watched.h"
+#include "common/patience.h"
 #include "common/web_case.h"
 #include "message/fields.h"
 #include "support/decode.h"
@@ -42,8 +43,9 @@ static void start_run(bool with_page)
 static int open_page(const char *headers)
 {
     int page = -1;
-    for (int i = 0; i < 3000 && web_open(OURS, headers, &page) != 101; i++)
-        usleep(10000);
+    int64_t end_ns = 0;
+    while (web_open(OURS, headers, &page) != 101 && fv_test_patient(&end_ns, 10)) {
+    }
     assert_true(page >= 0);
     return page;
 }
@@ -165,10 +167,12 @@ static void a_page_that_acknowledges_nothing_gets_two_pictures(void **state)
         pictures++;
     }
     assert_true(web_say(page, "pictures 0")); /* a hidden page */
+    assert_true(web_say(page, "ping hidden"));
+    until_text(page, "\"kind\":\"pong\""); /* now the server knows of it */
     for (poses = 0; poses < 40;) {
         (void)next(page, &kind);
         if (kind == 1 && is_message("POSE", &message, &message_bytes)) poses++;
-        if (kind == 2 && poses > 10) fail_msg("a hidden page got a picture");
+        if (kind == 2) fail_msg("a hidden page got a picture");
     }
     close(page);
     end_run();

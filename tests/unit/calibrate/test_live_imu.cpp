@@ -15,6 +15,7 @@
 #include "common/cmocka_cpp.h"
 extern "C" {
 #include "common/fake_iio.h"
+#include "common/patience.h"
 }
 
 using namespace calibrate;
@@ -45,7 +46,6 @@ std::vector<fovea_imu_sample> heard(LiveImu &imu, std::vector<fovea_imu_t> messa
                                     fovea_clock clock)
 {
     constexpr int64_t end_ns = INT64_MAX;
-    constexpr int tries = 2000;
     const std::string channel = "IMU" + std::to_string(getpid());
     fovea_error error;
     std::vector<fovea_imu_sample> samples;
@@ -56,10 +56,10 @@ std::vector<fovea_imu_sample> heard(LiveImu &imu, std::vector<fovea_imu_t> messa
     messages.push_back(message_of((int8_t)clock, end_ns));
     for (const fovea_imu_t &message : messages)
         assert_int_equal(fovea_imu_t_publish(lcm, channel.c_str(), &message), 0);
-    for (int i = 0; i < tries && (samples.empty() || samples.back().stamp_ns != end_ns); i++) {
+    int64_t patience_ns = 0;
+    while ((samples.empty() || samples.back().stamp_ns != end_ns) &&
+           fv_test_patient(&patience_ns, 5))
         imu.take(clock, samples);
-        usleep(5000);
-    }
     lcm_destroy(lcm);
     assert_false(samples.empty());
     assert_true(samples.back().stamp_ns == end_ns);
@@ -133,7 +133,6 @@ void samples_that_are_none_or_come_late_are_left_out(void **)
 void samples_of_iio_come_onto_the_pictures_clock(void **)
 {
     constexpr int64_t second_ns = 1'000'000'000;
-    constexpr int tries = 2000;
     const int16_t raw[2][6] = {{100, -200, 300, 981, -2, 5}, {1, 0, 0, 0, 0, 0}};
     const fovea_clock clocks[] = {FOVEA_CLOCK_MONOTONIC, FOVEA_CLOCK_REALTIME};
     for (const fovea_clock clock : clocks) {
@@ -144,8 +143,7 @@ void samples_of_iio_come_onto_the_pictures_clock(void **)
             std::vector<fovea_imu_sample> samples;
             if (imu.open({"iio:adis16448", "", "", 400}, &error) != FOVEA_OK)
                 fail_msg("%s", error.text);
-            for (int i = 0; i < tries && !fake_iio_says("buffer/enable", "1"); i++)
-                usleep(5000);
+            assert_true(fake_iio_comes_to_say("buffer/enable", "1"));
             assert_true(fake_iio_says("sampling_frequency", "400"));
             assert_true(std::fabs(imu.gyro_range() - 32.767) < 1e-9);
             assert_true(std::fabs(imu.acceleration_range() - 327.67) < 1e-9);
@@ -154,10 +152,8 @@ void samples_of_iio_come_onto_the_pictures_clock(void **)
                                                                                 : CLOCK_REALTIME);
             assert_true(fake_iio_scan(raw[0], monotonic_ns) &&
                         fake_iio_scan(raw[1], monotonic_ns + 5 * second_ns));
-            for (int i = 0; i < tries && samples.size() < 2; i++) {
+            for (int64_t end_ns = 0; samples.size() < 2 && fv_test_patient(&end_ns, 5);)
                 imu.take(clock, samples);
-                usleep(5000);
-            }
             assert_int_equal(samples.size(), 2);
             assert_true(std::llabs(samples[0].stamp_ns - there_ns) < second_ns);
             assert_true(std::llabs(samples[1].stamp_ns - samples[0].stamp_ns - 5 * second_ns) <

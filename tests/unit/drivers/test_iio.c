@@ -16,6 +16,7 @@
 #include "../../../drivers/iio/iio.h"
 #include "../../../drivers/iio/scan.h"
 #include "common/fake_iio.h"
+#include "common/patience.h"
 
 static struct fv_iio *iio;
 static struct fovea_error error;
@@ -137,15 +138,13 @@ static void pause_ms(int64_t ms)
 /* The next sample, for which it waits; it must come. */
 static struct fovea_imu_sample await(void)
 {
-    struct fovea_imu_sample sample = {0};
-    for (int i = 0; i < 2000; i++, pause_ms(5)) {
-        const struct fovea_imu_sample *next = fv_iio_peek(iio);
-        if (next == NULL) continue;
-        sample = *next;
-        fv_iio_release(iio);
-        return sample;
+    const struct fovea_imu_sample *next;
+    int64_t end_ns = 0;
+    while ((next = fv_iio_peek(iio)) == NULL && fv_test_patient(&end_ns, 5)) {
     }
-    fail_msg("no sample came");
+    if (next == NULL) fail_msg("no sample came");
+    const struct fovea_imu_sample sample = *next;
+    fv_iio_release(iio);
     return sample;
 }
 
@@ -153,17 +152,17 @@ static struct fovea_imu_sample await(void)
 static void await_line(const char *text)
 {
     struct fovea_error line;
-    for (int i = 0; i < 2000; i++, pause_ms(5))
+    int64_t end_ns = 0;
+    do
         while (fv_iio_complaint(iio, &line) != FOVEA_AGAIN)
             if (strstr(line.text, text) != NULL) return;
+    while (fv_test_patient(&end_ns, 5));
     fail_msg("nobody said '%s'", text);
 }
 
 static void await_set_up(void)
 {
-    for (int i = 0; i < 2000 && !fake_iio_says("buffer/enable", "1"); i++)
-        pause_ms(5);
-    assert_true(fake_iio_says("buffer/enable", "1"));
+    assert_true(fake_iio_comes_to_say("buffer/enable", "1"));
 }
 
 static void samples_come_in_units_and_frame_of_the_device(void **state)

@@ -15,6 +15,7 @@
 #include "common/datasets.h"
 #include "common/fake_camera.h"
 #include "common/live_source.h"
+#include "common/patience.h"
 
 static const struct fovea_source_selection everything = {.step = 1};
 static const struct fovea_source_ops *const ops = &fv_source_pair;
@@ -219,7 +220,8 @@ static struct fovea_source *open_cameras(void)
 /* Wait for a frame with both, or with one alone. */
 static void await(struct fovea_source *source, bool both)
 {
-    for (int n = 0; n < 500; n++) {
+    int64_t end_ns = 0;
+    while (fv_test_patient(&end_ns, 0)) {
         struct fovea_frame frame;
         const enum fovea_status status = ops->dequeue(source, fv_test_now_ns() + 100000000, &frame);
         if (status != FOVEA_OK) continue;
@@ -265,7 +267,8 @@ static void without_the_first_there_is_no_frame(void **state)
     await(source, true);
     fake_unplug(cameras[0]);
     bool gone = false;
-    for (int n = 0; n < 500 && !gone; n++) {
+    int64_t end_ns = 0;
+    while (!gone && fv_test_patient(&end_ns, 0)) {
         const enum fovea_status status = ops->dequeue(source, fv_test_now_ns() + 20000000, &frame);
         if (status == FOVEA_OK) ops->requeue(source, &frame);
         gone = ops->state(source) == FOVEA_SOURCE_GONE;

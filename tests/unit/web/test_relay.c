@@ -14,6 +14,7 @@
 #include <cmocka.h>
 
 #include "app/network/feed.h"
+#include "common/patience.h"
 #include "web/relay.h"
 
 #include "fovea_command_result_t.h"
@@ -40,10 +41,10 @@ static int begin(void **state)
     memset(&store, 0, sizeof store);
     fv_web_relay_init(&relay, path, 5, &store);
     const struct fovea_message probe = {"R_POSE", data, 8, false};
-    for (int i = 0; i < 2000 && store.row_count == 0; i++) {
+    int64_t end_ns = 0;
+    while (store.row_count == 0 && fv_test_patient(&end_ns, 2)) {
         fv_feed_put(feed, &probe);
         (void)fv_web_relay_tick(&relay, false);
-        nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
     }
     return store.running ? 0 : -1;
 }

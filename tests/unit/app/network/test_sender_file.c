@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "app/network/transport.h"
+#include "common/patience.h"
 #include "support/lcmlog.h"
 #include "support/stall.h"
 
@@ -273,10 +274,9 @@ static void a_log_that_stalls_is_known(void **state)
     struct fv_transport *transport = open_log(url);
     for (int i = 0; i < 20; i++)
         iterate(transport); /* 300 kB; a pipe takes 64 */
-    for (int i = 0; i < 5000 && strncmp(call.name, "/dev/fd/", 8) != 0; i++) {
-        nanosleep(&(struct timespec){.tv_nsec = 2000000}, NULL);
+    int64_t end_ns = 0;
+    while (strncmp(call.name, "/dev/fd/", 8) != 0 && fv_test_patient(&end_ns, 2))
         fv_stall_longest(&call, &moved_ns);
-    }
     assert_int_equal(strncmp(call.name, "/dev/fd/", 8), 0);
     fv_transport_finish(transport); /* leaves the thread behind */
     assert_true(fv_transport_lost(transport, &offered) > 0);

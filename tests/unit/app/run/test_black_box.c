@@ -30,7 +30,7 @@
 #include "map/archive.h"
 #include "support/lcmlog.h"
 
-enum { FILES_MAX = 1024, MAPS_KEPT = 10, SAFE = MAPS_KEPT - 2, SECONDS_MAX = 60 };
+enum { FILES_MAX = 1024, MAPS_KEPT = 10, SAFE = MAPS_KEPT - 2, SECONDS_MAX = 300 };
 
 static char *const folder = fv_test_place;
 static char box[FV_TEST_PATH_BYTES + 8], map[FV_TEST_PATH_BYTES + 8];

@@ -20,7 +20,7 @@
 /* What is said of pictures is said of small ones, too. */
 #define SMALL "sim:still?width=160&height=120"
 
-enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 16, SECONDS_MAX = 60 };
+enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 16, SECONDS_MAX = 300 };
 
 static char out[TEXT_MAX], err[TEXT_MAX];
 static bool as_nobody; /* the next check runs without any right */

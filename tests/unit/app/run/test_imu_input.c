@@ -15,6 +15,7 @@
 #include "app/run/imu_input.h"
 #include "drivers/clock.h"
 #include "common/fake_iio.h"
+#include "common/patience.h"
 
 #include "fovea_imu_t.h"
 
@@ -205,14 +206,12 @@ static void a_device_of_iio_brings_them_too(void **state)
     fv_imu_input_open(&input, &settings, iio);
     assert_false(fv_imu_input_hears(&input));
     assert_int_equal(fv_iio_start(iio, &error), FOVEA_OK);
-    for (int i = 0; i < 2000 && !fake_iio_says("buffer/enable", "1"); i++)
-        nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+    assert_true(fake_iio_comes_to_say("buffer/enable", "1"));
     assert_true(fake_iio_scan(raw, 900000) && fake_iio_scan(raw, 1100000));
     struct fv_iio_counts counts = {0};
-    for (int i = 0; i < 2000 && counts.samples < 2; i++) {
-        nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+    int64_t end_ns = 0;
+    while (counts.samples < 2 && fv_test_patient(&end_ns, 5))
         fv_iio_counts(iio, &counts);
-    }
     assert_int_equal(take(1000000, true), 1);
     assert_true(samples[0].imu.stamp_ns == 900000 && samples[0].imu.gyro[0] > 0.999 &&
                 samples[0].imu.acceleration[2] > 9.8);
@@ -234,8 +233,7 @@ static void stamps_of_iio_follow_the_frames_clock(void **state)
     fake_iio_make();
     if (fv_iio_open("adis16448", 0, &iio, &error) != FOVEA_OK) fail_msg("%s", error.text);
     assert_int_equal(fv_iio_start(iio, &error), FOVEA_OK);
-    for (int i = 0; i < 2000 && !fake_iio_says("buffer/enable", "1"); i++)
-        nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+    assert_true(fake_iio_comes_to_say("buffer/enable", "1"));
     for (uint64_t c = 0; c < 3; c++) {
         struct fv_iio_counts counts = {0};
         const int64_t at_ns = fv_clock_ns(CLOCK_MONOTONIC),
@@ -245,10 +243,9 @@ static void stamps_of_iio_follow_the_frames_clock(void **state)
         frame.clock = clocks[c];
         assert_int_equal(take(at_ns + apart_ns, true), 0);
         assert_true(fake_iio_scan(raw, at_ns));
-        for (int i = 0; i < 2000 && counts.samples < c + 1; i++) {
-            nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+        int64_t end_ns = 0;
+        while (counts.samples < c + 1 && fv_test_patient(&end_ns, 5))
             fv_iio_counts(iio, &counts);
-        }
         assert_int_equal(take(at_ns + apart_ns + FV_SECOND_NS, true), 1);
         const int64_t off_ns = samples[0].imu.stamp_ns - at_ns - apart_ns;
         /* The clocks are read in turn, a while apart. */
@@ -284,7 +281,8 @@ static int open_tapped(void **state)
 static void hear_now(int64_t offset_ns, int8_t clock, int64_t *stamp_ns)
 {
     const unsigned before = tapped_count;
-    for (int i = 0; i < 100 && tapped_count == before; i++) {
+    int64_t end_ns = 0;
+    while (tapped_count == before && fv_test_patient(&end_ns, 0)) {
         *stamp_ns = fv_clock_ns(CLOCK_MONOTONIC);
         hear(*stamp_ns + offset_ns, clock, 0, offset_ns == 0);
     }
@@ -321,7 +319,8 @@ static void stamps_far_from_now_are_not_seen(void **state)
     hear(INT64_MIN, 0, 0, true);
     assert_int_equal(tapped_count, 0);
     input.time_offset_ns = -60 * FV_SECOND_NS; /* which the step adds */
-    for (int i = 0; i < 100 && tapped_count == 0; i++)
+    int64_t end_ns = 0;
+    while (tapped_count == 0 && fv_test_patient(&end_ns, 0))
         hear(fv_clock_ns(CLOCK_MONOTONIC) + 60 * FV_SECOND_NS, 0, 0, true);
     assert_int_equal(tapped_count, 1);
 }
@@ -339,13 +338,12 @@ static void a_device_of_iio_shows_each_sample(void **state)
     frame.clock = FOVEA_CLOCK_REALTIME;
     (void)take(fv_clock_ns(CLOCK_REALTIME), true);
     assert_int_equal(fv_iio_start(iio, &error), FOVEA_OK);
-    for (int i = 0; i < 2000 && !fake_iio_says("buffer/enable", "1"); i++)
-        nanosleep(&(struct timespec){.tv_nsec = 5000000}, NULL);
+    assert_true(fake_iio_comes_to_say("buffer/enable", "1"));
     unsigned written = 0; /* one that waits for a quarter of a second is not seen */
-    for (int i = 0; i < 200 && tapped_count == 0; i++) {
+    int64_t end_ns = 0;
+    while (tapped_count == 0 && fv_test_patient(&end_ns, 20)) {
         assert_true(fake_iio_scan(raw, fv_clock_ns(CLOCK_MONOTONIC)));
         written++;
-        nanosleep(&(struct timespec){.tv_nsec = 20000000}, NULL);
     }
     fv_iio_close(iio);
     fake_iio_remove();

@@ -20,7 +20,7 @@
 #include "base/hash.h"
 #include "common/datasets.h"
 
-enum { TEXT_MAX = 4096, FILES_MAX = 160, SECONDS_MAX = 60 };
+enum { TEXT_MAX = 4096, FILES_MAX = 160, SECONDS_MAX = 300 };
 
 static char *const folder = fv_test_place;
 static char line[TEXT_MAX];
