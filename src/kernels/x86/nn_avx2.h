@@ -23,22 +23,28 @@ FV_INLINE __m256i four_inputs(const uint8_t *bytes)
     return _mm256_set1_epi32(word);
 }
 
+/* How results are rounded, known when compiling: with bits ABOVE_ZERO where those below zero will
+ * be clamped to zero anyway, so that their rounding does not matter, and LESSENED where all shifts
+ * are below zero (load_any_scales). */
+enum { ABOVE_ZERO = 1, LESSENED = 2 };
+
 /* Constants of 8 channels: see fv_nn_requantize. AVX2 has no arithmetic 64-bit shift: 2^62 is added
- * before the logical one and what it became, 2^(62 - right), taken off after it. `down`: the half
- * of negative products. */
+ * before the logical one and what it became, 2^(62 - right), taken off after it. LESSENED results
+ * have no bits in the lower words of products: the upper ones are shifted by `more`, without
+ * 2^62. `down`: the half of negative products. */
 struct scale8 {
     __m256i multiplier, multiplier_odd, half_even, half_odd, down_even, down_odd, right_even,
-        right_odd, excess;
+        right_odd, excess, more;
 };
 
-FV_INLINE void half_of(__m256i shift, __m256i *half, __m256i *down, __m256i *right)
+FV_INLINE void half_of(__m256i shift, __m256i base, __m256i *half, __m256i *down, __m256i *right)
 {
     const __m256i one = _mm256_set1_epi64x(1),
                   is_right = _mm256_cmpgt_epi64(_mm256_setzero_si256(), shift);
     *half = _mm256_sllv_epi64(one, _mm256_sub_epi64(_mm256_set1_epi64x(30), shift));
     *half =
         _mm256_add_epi64(*half, _mm256_and_si256(is_right, _mm256_set1_epi64x(INT64_C(1) << 30)));
-    *half = _mm256_add_epi64(*half, _mm256_set1_epi64x(INT64_C(1) << 62));
+    *half = _mm256_add_epi64(*half, base);
     *down =
         _mm256_sub_epi64(*half, _mm256_and_si256(is_right, _mm256_set1_epi64x(INT64_C(1) << 31)));
     *right = _mm256_sub_epi64(_mm256_set1_epi64x(31), shift);
@@ -51,18 +57,33 @@ FV_INLINE __m256i low_words(__m256i even, __m256i odd)
         _mm256_shuffle_ps(_mm256_castsi256_ps(even), _mm256_castsi256_ps(odd), 0x88));
 }
 
-FV_INLINE void load_scale(struct scale8 *s, __m256i m, __m256i shift)
+/* The same of the upper halves. */
+FV_INLINE __m256i high_words(__m256i even, __m256i odd)
 {
+    return _mm256_castps_si256(
+        _mm256_shuffle_ps(_mm256_castsi256_ps(even), _mm256_castsi256_ps(odd), 0xDD));
+}
+
+FV_INLINE void load_scale_as(struct scale8 *s, __m256i m, __m256i shift, const int mode)
+{
+    const __m256i base = _mm256_set1_epi64x((mode & LESSENED) != 0 ? 0 : INT64_C(1) << 62);
     const __m256i sign = _mm256_srai_epi32(shift, 31);
     const __m256i even = _mm256_blend_epi32(shift, _mm256_slli_epi64(sign, 32), 0xAA);
     const __m256i odd = _mm256_blend_epi32(_mm256_srli_epi64(shift, 32), sign, 0xAA);
     s->multiplier = m;
     s->multiplier_odd = _mm256_srli_epi64(m, 32);
-    half_of(even, &s->half_even, &s->down_even, &s->right_even);
-    half_of(odd, &s->half_odd, &s->down_odd, &s->right_odd);
+    half_of(even, base, &s->half_even, &s->down_even, &s->right_even);
+    half_of(odd, base, &s->half_odd, &s->down_odd, &s->right_odd);
     const __m256i one = _mm256_set1_epi64x(1), top = _mm256_set1_epi64x(62);
     s->excess = low_words(_mm256_sllv_epi64(one, _mm256_sub_epi64(top, s->right_even)),
                           _mm256_sllv_epi64(one, _mm256_sub_epi64(top, s->right_odd)));
+    /* in the order of words that requantize makes */
+    s->more = _mm256_shuffle_epi32(_mm256_sub_epi32(_mm256_set1_epi32(-1), shift), 0xD8);
+}
+
+FV_INLINE void load_scale(struct scale8 *s, __m256i m, __m256i shift)
+{
+    load_scale_as(s, m, shift, 0);
 }
 
 /* Those of 16 channels. */
@@ -72,27 +93,51 @@ FV_INLINE void load_scales(struct scale8 scale[2], const int32_t *multiplier, co
         load_scale(&scale[h], load32(multiplier + 8 * h), load32(shift + 8 * h));
 }
 
-/* A product plus its rounding, shifted; a negative one is rounded down where it lies half way. */
-FV_INLINE __m256i scaled(__m256i product, __m256i half, __m256i down, __m256i right,
-                         const int above_zero)
+/* The same, with LESSENED where the shifts are below zero; returns that or 0. A channel that is not
+ * there, whose multiplier and shift are 0, gives 0 with a shift of -1 as well. */
+FV_INLINE int load_any_scales(struct scale8 scale[2], const int32_t *multiplier,
+                              const int32_t *shift)
 {
-    if (!above_zero) {
+    __m256i m[2], s[2];
+    int all = 1;
+    for (int h = 0; h < 2; h++) {
+        m[h] = load32(multiplier + 8 * h);
+        s[h] = load32(shift + 8 * h);
+        const __m256i none = _mm256_cmpeq_epi32(m[h], _mm256_setzero_si256());
+        s[h] = _mm256_min_epi32(
+            s[h], _mm256_blendv_epi8(_mm256_set1_epi32(INT32_MAX), _mm256_set1_epi32(-1), none));
+        all &= _mm256_movemask_ps(_mm256_castsi256_ps(s[h])) == 255;
+    }
+    for (int h = 0; h < 2; h++) {
+        if (all)
+            load_scale_as(&scale[h], m[h], s[h], LESSENED);
+        else
+            load_scale_as(&scale[h], m[h], load32(shift + 8 * h), 0);
+    }
+    return all ? LESSENED : 0;
+}
+
+/* A product plus its rounding; a negative one is rounded down where it lies half way. */
+FV_INLINE __m256i rounded(__m256i product, __m256i half, __m256i down, const int mode)
+{
+    if ((mode & ABOVE_ZERO) == 0) {
         half = _mm256_castpd_si256(_mm256_blendv_pd(
             _mm256_castsi256_pd(half), _mm256_castsi256_pd(down), _mm256_castsi256_pd(product)));
     }
-    return _mm256_srlv_epi64(_mm256_add_epi64(product, half), right);
+    return _mm256_add_epi64(product, half);
 }
 
-/* Leaves the channels of each lane in the order 0 2 1 3, which store_tile undoes. `above_zero`:
- * results below zero will be clamped to zero anyway, so the rounding of negative ones does not
- * matter. */
-FV_INLINE __m256i requantize(__m256i acc, const struct scale8 *s, const int above_zero)
+/* Leaves the channels of each lane in the order 0 2 1 3, which store_tile undoes. */
+FV_INLINE __m256i requantize(__m256i acc, const struct scale8 *s, const int mode)
 {
-    const __m256i even = scaled(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->down_even,
-                                s->right_even, above_zero);
-    const __m256i odd = scaled(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd),
-                               s->half_odd, s->down_odd, s->right_odd, above_zero);
-    return _mm256_sub_epi32(low_words(even, odd), s->excess);
+    const __m256i even =
+        rounded(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->down_even, mode);
+    const __m256i odd = rounded(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd),
+                                s->half_odd, s->down_odd, mode);
+    if ((mode & LESSENED) != 0) return _mm256_srav_epi32(high_words(even, odd), s->more);
+    return _mm256_sub_epi32(
+        low_words(_mm256_srlv_epi64(even, s->right_even), _mm256_srlv_epi64(odd, s->right_odd)),
+        s->excess);
 }
 
 /* A table of 256 bytes as 16 rows of 16 that are combined by exclusive or. pshufb gives zero where
@@ -193,17 +238,17 @@ FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const
  * each. */
 FV_INLINE void store_tile(const struct output *o, const struct scale8 scale[2], __m256i acc[][2],
                           const int ROWS, uint8_t *out, ptrdiff_t ldo, int32_t width,
-                          const int above)
+                          const int mode)
 {
 #pragma GCC unroll 4
     for (int r = 0; r < ROWS; r += 2, out += 2 * ldo) {
         const int second = ROWS == 1 ? r : r + 1;
-        const __m256i a[2] = {requantize(acc[r][0], &scale[0], above),
-                              requantize(acc[r][1], &scale[1], above)};
+        const __m256i a[2] = {requantize(acc[r][0], &scale[0], mode),
+                              requantize(acc[r][1], &scale[1], mode)};
         __m256i b[2] = {a[0], a[1]};
         if (second != r) {
-            b[0] = requantize(acc[second][0], &scale[0], above);
-            b[1] = requantize(acc[second][1], &scale[1], above);
+            b[0] = requantize(acc[second][0], &scale[0], mode);
+            b[1] = requantize(acc[second][1], &scale[1], mode);
         }
         const __m256i bytes = two_rows(o, a, b);
         store_some(out, _mm256_castsi256_si128(bytes), width);

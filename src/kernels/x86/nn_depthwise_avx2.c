@@ -17,6 +17,7 @@ struct block {
     ptrdiff_t column_bytes;
     int32_t steps, pairs; /* pairs of rows */
     int32_t width;        /* valid channels */
+    int mode;             /* LESSENED or 0 */
 };
 
 /* 16-bit weights of a tap; zero beyond the kernel. */
@@ -61,21 +62,25 @@ static void load_block(struct block *b, const struct fv_nn_depthwise *d, int32_t
         for (int32_t kx = 0; kx < d->kw; kx += 2 * pair + 1 == d->kh ? 2 : 1)
             add_step(b, d, channel, pair, kx);
     }
-    for (int32_t h = 0; h < 2; h++) {
-        const int32_t at = channel + 8 * h;
-        b->bias[h] = _mm256_load_si256((const __m256i *)(const void *)(d->bias + at));
-        load_scale(&b->scale[h],
-                   _mm256_load_si256((const __m256i *)(const void *)(d->multiplier + at)),
-                   _mm256_load_si256((const __m256i *)(const void *)(d->shift + at)));
-    }
+    for (int32_t h = 0; h < 2; h++)
+        b->bias[h] = load32(d->bias + channel + 8 * h);
+    b->mode = load_any_scales(b->scale, d->multiplier + channel, d->shift + channel);
 }
 
+/* Both lanes hold all bytes: to widen them across lanes takes twice as long. */
 FV_INLINE void interleave(const uint8_t *a, const uint8_t *b, uint8_t *to)
 {
-    const __m128i x = _mm_loadu_si128((const __m128i *)(const void *)a),
-                  y = _mm_loadu_si128((const __m128i *)(const void *)b);
-    _mm256_store_si256((__m256i *)(void *)to, _mm256_cvtepu8_epi16(_mm_unpacklo_epi8(x, y)));
-    _mm256_store_si256((__m256i *)(void *)(to + 32), _mm256_cvtepu8_epi16(_mm_unpackhi_epi8(x, y)));
+    const __m256i x = _mm256_broadcastsi128_si256(
+                      _mm_loadu_si128((const __m128i *)(const void *)a)),
+                  y = _mm256_broadcastsi128_si256(
+                      _mm_loadu_si128((const __m128i *)(const void *)b));
+    const __m256i wide =
+        _mm256_setr_epi8(0, -1, 1, -1, 2, -1, 3, -1, 4, -1, 5, -1, 6, -1, 7, -1, 8, -1, 9, -1, 10,
+                         -1, 11, -1, 12, -1, 13, -1, 14, -1, 15, -1);
+    _mm256_store_si256((__m256i *)(void *)to,
+                       _mm256_shuffle_epi8(_mm256_unpacklo_epi8(x, y), wide));
+    _mm256_store_si256((__m256i *)(void *)(to + 32),
+                       _mm256_shuffle_epi8(_mm256_unpackhi_epi8(x, y), wide));
 }
 
 /* One row of pixels, or of border. */
@@ -132,7 +137,7 @@ static void interleave_columns(const struct block *b, const struct fv_nn_depthwi
 /* N neighbouring outputs. */
 FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t step, const int N,
                     const struct output *o, uint8_t *out, ptrdiff_t ldo, const int steps,
-                    const int above)
+                    const int mode)
 {
     __m256i acc[TILE][2];
 #pragma GCC unroll 4
@@ -151,18 +156,18 @@ FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t ste
             acc[i][1] = _mm256_add_epi32(acc[i][1], _mm256_madd_epi16(w1, x[1]));
         }
     }
-    store_tile(o, b->scale, acc, N, out, ldo, b->width, above);
+    store_tile(o, b->scale, acc, N, out, ldo, b->width, mode);
 }
 
 FV_INLINE void outputs(const struct block *b, const struct fv_nn_depthwise *d,
                        const uint8_t *columns, int32_t count, const struct output *o, uint8_t *out,
-                       const int steps, const int above)
+                       const int steps, const int mode)
 {
     const ptrdiff_t step = d->stride_x * b->column_bytes;
     if (count < TILE) {
         for (int32_t i = 0; i < count; i++) {
             tile(b, columns + i * step, step, 1, o, out + (ptrdiff_t)i * d->out_stride,
-                 d->out_stride, steps, above);
+                 d->out_stride, steps, mode);
         }
         return;
     }
@@ -170,7 +175,7 @@ FV_INLINE void outputs(const struct block *b, const struct fv_nn_depthwise *d,
         const int32_t at =
             i + TILE > count ? count - TILE : i; /* the last tile overlaps the one before */
         tile(b, columns + at * step, step, TILE, o, out + (ptrdiff_t)at * d->out_stride,
-             d->out_stride, steps, above);
+             d->out_stride, steps, mode);
     }
 }
 
@@ -186,12 +191,14 @@ static void row(const struct block *b, const struct fv_nn_depthwise *d, const ui
         uint8_t *to = out + (ptrdiff_t)x * d->out_stride;
         interleave_columns(b, d, in, y, x * d->stride_x - d->pad_left,
                            (count - 1) * d->stride_x + span, border, scratch);
-        if (small && above)
-            outputs(b, d, scratch, count, o, to, 5, 1);
-        else if (small)
-            outputs(b, d, scratch, count, o, to, 5, 0);
-        else
+        if (b->mode == 0)
             outputs(b, d, scratch, count, o, to, b->steps, 0);
+        else if (small && above)
+            outputs(b, d, scratch, count, o, to, 5, LESSENED | ABOVE_ZERO);
+        else if (small)
+            outputs(b, d, scratch, count, o, to, 5, LESSENED);
+        else
+            outputs(b, d, scratch, count, o, to, b->steps, LESSENED);
     }
 }
 

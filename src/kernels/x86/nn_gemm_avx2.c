@@ -140,14 +140,14 @@ struct strip {
 };
 
 FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const struct output *o,
-                        int32_t k4, const int above)
+                        int32_t k4, const int mode)
 {
     __m256i acc[ROWS][2];
     if (s->rows < ROWS) {
         for (int32_t i = 0; i < s->rows; i++) {
             start(s->bias, s->sums + i, 1, acc);
             accumulate_one(p->weights, k4, s->a + i * s->lda, acc);
-            store_tile(o, s->scale, acc, 1, s->out + i * s->ldo, s->ldo, s->width, above);
+            store_tile(o, s->scale, acc, 1, s->out + i * s->ldo, s->ldo, s->width, mode);
         }
         return;
     }
@@ -155,7 +155,7 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
         const int32_t at = tile_row(i, s->rows);
         start(s->bias, s->sums + at, ROWS, acc);
         accumulate(p, s->a + at * s->lda, s->lda, acc);
-        store_tile(o, s->scale, acc, ROWS, s->out + at * s->ldo, s->ldo, s->width, above);
+        store_tile(o, s->scale, acc, ROWS, s->out + at * s->ldo, s->ldo, s->width, mode);
     }
 }
 
@@ -184,11 +184,13 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
                               .ldo = ldo,
                               .rows = rows,
                               .width = g->n - c < 16 ? g->n - c : 16};
-            load_scales(s.scale, g->multiplier + c, g->shift + c);
+            const int mode = load_any_scales(s.scale, g->multiplier + c, g->shift + c);
             p.weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
             if (rows >= ROWS) init_panel(&p, p.weights, g->k4, &most);
-            if (g->act_min >= g->zero_out)
-                strip_u8(&p, &s, &o, g->k4, 1);
+            if (mode != 0 && g->act_min >= g->zero_out)
+                strip_u8(&p, &s, &o, g->k4, LESSENED | ABOVE_ZERO);
+            else if (mode != 0)
+                strip_u8(&p, &s, &o, g->k4, LESSENED);
             else
                 strip_u8(&p, &s, &o, g->k4, 0);
         }
