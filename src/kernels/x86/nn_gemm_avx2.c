@@ -67,13 +67,20 @@ FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int N, const int8
     }
 }
 
+/* `sums`: NULL where nothing is to be added. */
 FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m256i acc[][2])
 {
 #pragma GCC unroll 4
     for (int r = 0; r < N; r++) {
+        acc[r][0] = load32(bias);
+        acc[r][1] = load32(bias + 8);
+    }
+    if (sums == NULL) return;
+#pragma GCC unroll 4
+    for (int r = 0; r < N; r++) {
         const __m256i sum = _mm256_set1_epi32(sums[r]);
-        acc[r][0] = _mm256_add_epi32(load32(bias), sum);
-        acc[r][1] = _mm256_add_epi32(load32(bias + 8), sum);
+        acc[r][0] = _mm256_add_epi32(acc[r][0], sum);
+        acc[r][1] = _mm256_add_epi32(acc[r][1], sum);
     }
 }
 
@@ -96,36 +103,45 @@ FV_INLINE void accumulate_one(const int8_t *weights, int32_t k4, const uint8_t *
         add_wide(row + 4 * (ptrdiff_t)i, 0, 1, weights + 64 * (ptrdiff_t)i, acc);
 }
 
-/* Factor times the sum of a row's k bytes, for each of `rows` rows. */
+/* The sum of a row's bytes as four parts of 64 bits; `rest` masks those of the last 32. */
+FV_INLINE __m256i sum_parts(const uint8_t *row, int32_t k, __m256i rest)
+{
+    const __m256i zero = _mm256_setzero_si256();
+    __m256i sum = zero;
+    int32_t i = 0;
+    for (; i + 32 <= k; i += 32) {
+        const __m256i some = _mm256_loadu_si256((const __m256i *)(const void *)(row + i));
+        sum = _mm256_add_epi64(sum, _mm256_sad_epu8(some, zero));
+    }
+    if (i == k) return sum;
+    const __m256i last = _mm256_loadu_si256((const __m256i *)(const void *)(row + i));
+    return _mm256_add_epi64(sum, _mm256_sad_epu8(_mm256_and_si256(rest, last), zero));
+}
+
+/* Factor times the sum of a row's k bytes, for each of `rows` rows, and up to three words more;
+ * four at a time. */
 static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows,
                      int32_t *sums)
 {
     static const uint8_t ends[64] = {255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255,
                                      255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255,
                                      255, 255, 255, 255, 255, 255, 255, 255, 255, 255};
-    const __m256i zero = _mm256_setzero_si256();
     const __m256i rest = _mm256_loadu_si256((const __m256i *)(const void *)(ends + 32 - g->k % 32));
-    for (int32_t i = 0; i < rows; i++, a += lda) {
-        __m256i sum = zero;
-        int32_t k = 0;
-        if (g->row_sum_factor == 0) {
-            sums[i] = 0;
-            continue;
-        }
-        for (; k + 32 <= g->k; k += 32) {
-            sum = _mm256_add_epi64(
-                sum,
-                _mm256_sad_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(a + k)), zero));
-        }
-        if (k < g->k) {
-            const __m256i last =
-                _mm256_and_si256(rest, _mm256_loadu_si256((const __m256i *)(const void *)(a + k)));
-            sum = _mm256_add_epi64(sum, _mm256_sad_epu8(last, zero));
-        }
-        const __m128i half =
-            _mm_add_epi64(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1));
-        const __m128i total = _mm_add_epi64(half, _mm_unpackhi_epi64(half, half));
-        sums[i] = (int32_t)((uint32_t)_mm_cvtsi128_si32(total) * (uint32_t)g->row_sum_factor);
+    const __m128i factor = _mm_set1_epi32(g->row_sum_factor);
+    if (g->row_sum_factor == 0) return;
+    for (int32_t i = 0; i < rows; i += ROWS, a += ROWS * lda) {
+        __m256i parts[ROWS];
+#pragma GCC unroll 4
+        for (int32_t r = 0; r < ROWS; r++)
+            parts[r] = sum_parts(a + (i + r < rows ? r : 0) * lda, g->k, rest);
+        const __m256i first = _mm256_add_epi64(_mm256_unpacklo_epi64(parts[0], parts[1]),
+                                               _mm256_unpackhi_epi64(parts[0], parts[1]));
+        const __m256i last = _mm256_add_epi64(_mm256_unpacklo_epi64(parts[2], parts[3]),
+                                              _mm256_unpackhi_epi64(parts[2], parts[3]));
+        const __m256i words = low_words(first, last);
+        const __m128i sum =
+            _mm_add_epi32(_mm256_castsi256_si128(words), _mm256_extracti128_si256(words, 1));
+        _mm_storeu_si128((__m128i *)(void *)(sums + i), _mm_mullo_epi32(sum, factor));
     }
 }
 
@@ -145,7 +161,7 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
     __m256i acc[ROWS][2];
     if (s->rows < ROWS) {
         for (int32_t i = 0; i < s->rows; i++) {
-            start(s->bias, s->sums + i, 1, acc);
+            start(s->bias, s->sums == NULL ? NULL : s->sums + i, 1, acc);
             accumulate_one(p->weights, k4, s->a + i * s->lda, acc);
             store_tile(o, s->scale, acc, 1, s->out + i * s->ldo, s->ldo, s->width, mode);
         }
@@ -153,7 +169,7 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
     }
     for (int32_t i = 0; i < s->rows; i += ROWS) {
         const int32_t at = tile_row(i, s->rows);
-        start(s->bias, s->sums + at, ROWS, acc);
+        start(s->bias, s->sums == NULL ? NULL : s->sums + at, ROWS, acc);
         accumulate(p, s->a + at * s->lda, s->lda, acc);
         store_tile(o, s->scale, acc, ROWS, s->out + at * s->ldo, s->ldo, s->width, mode);
     }
@@ -169,7 +185,7 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
     struct panel p;
     struct maxima most;
     struct output o;
-    int32_t sums[CHUNK_ROWS_MAX];
+    int32_t sums[CHUNK_ROWS_MAX + ROWS];
     init_output(&o, g->zero_out, g->act_min, g->act_max, g->table);
     for (int32_t i = 0, rows; i < m; i += rows) {
         rows = next_rows(m - i);
@@ -177,7 +193,7 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
         if (rows >= ROWS) init_maxima(&most, g->k, a + i * lda, lda, rows);
         for (int32_t c = 0; c < g->n; c += 16) {
             struct strip s = {.bias = g->bias + c,
-                              .sums = sums,
+                              .sums = g->row_sum_factor == 0 ? NULL : sums,
                               .a = a + i * lda,
                               .out = out + i * ldo + c,
                               .lda = lda,
@@ -211,7 +227,7 @@ void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
     struct panel p;
     struct maxima most;
     p.run_count = p.wide_count = 0;
-    int32_t sums[CHUNK_ROWS_MAX];
+    int32_t sums[CHUNK_ROWS_MAX + ROWS];
     for (int32_t i = 0, rows; i < m; i += rows) {
         rows = next_rows(m - i);
         const int tiles = rows >= ROWS && g->k4 <= GROUPS_MAX;
@@ -225,7 +241,8 @@ void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
                 const uint8_t *row = a + (i + at) * lda;
                 int32_t *to = out + (i + at) * ldo + c;
                 __m256i acc[ROWS][2];
-                start(g->bias + c, sums + at, tiles ? ROWS : 1, acc);
+                start(g->bias + c, g->row_sum_factor == 0 ? NULL : sums + at, tiles ? ROWS : 1,
+                      acc);
                 if (tiles)
                     accumulate(&p, row, lda, acc);
                 else
