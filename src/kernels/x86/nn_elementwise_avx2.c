@@ -41,8 +41,7 @@ void fv_k_nn_min_u8__avx2(const uint8_t *a, const uint8_t *b, uint8_t *out, int3
 }
 
 struct blend {
-    __m256i upper, lower, pair, half,
-        middle; /* pair: the weights of the two columns beside each other */
+    __m256i upper, lower, half, middle;
     __m256i rows, left,
         right; /* of more than 7 bits: of the two rows beside each other, of each column */
     __m128i shift;
@@ -59,26 +58,22 @@ FV_INLINE __m256i weigh(const uint8_t *top, const uint8_t *bottom, const struct 
                             _mm256_mullo_epi16(load16(bottom), b->lower));
 }
 
-/* 16 channels of one output pixel: low and high four of each lane in turn. */
-FV_INLINE __m128i round16(__m256i low, __m256i high, const struct blend *b)
+/* 16 channels of one output pixel: low and high four of each lane in turn. `is_moved`: whether
+ * there are values below the middle, whose halves are rounded down. */
+FV_INLINE __m128i round16(__m256i low, __m256i high, const struct blend *b, const int is_moved)
 {
-    low = _mm256_add_epi32(low, _mm256_add_epi32(b->half, _mm256_cmpgt_epi32(b->middle, low)));
-    high = _mm256_add_epi32(high, _mm256_add_epi32(b->half, _mm256_cmpgt_epi32(b->middle, high)));
+    if (is_moved) {
+        low = _mm256_add_epi32(low, _mm256_cmpgt_epi32(b->middle, low));
+        high = _mm256_add_epi32(high, _mm256_cmpgt_epi32(b->middle, high));
+    }
+    low = _mm256_add_epi32(low, b->half);
+    high = _mm256_add_epi32(high, b->half);
     const __m256i words =
         _mm256_packus_epi32(_mm256_srl_epi32(low, b->shift), _mm256_srl_epi32(high, b->shift));
     return _mm_packus_epi16(_mm256_castsi256_si128(words), _mm256_extracti128_si256(words, 1));
 }
 
-/* From the four corners, in 16-bit then 32-bit arithmetic. */
-FV_INLINE __m128i blend16(const uint8_t *const corner[4], ptrdiff_t c, const struct blend *b)
-{
-    const __m256i left = weigh(corner[0] + c, corner[1] + c, b),
-                  right = weigh(corner[2] + c, corner[3] + c, b);
-    return round16(_mm256_madd_epi16(_mm256_unpacklo_epi16(left, right), b->pair),
-                   _mm256_madd_epi16(_mm256_unpackhi_epi16(left, right), b->pair), b);
-}
-
-/* The same in 32-bit arithmetic, for weights of more than 7 bits. */
+/* From the four corners in 32-bit arithmetic, for weights of more than 7 bits. */
 FV_INLINE __m128i blend16_wide(const uint8_t *const corner[4], ptrdiff_t c, const struct blend *b)
 {
     __m256i v[4];
@@ -92,13 +87,40 @@ FV_INLINE __m128i blend16_wide(const uint8_t *const corner[4], ptrdiff_t c, cons
                                     _mm256_mullo_epi32(low_right, b->right)),
                    _mm256_add_epi32(_mm256_mullo_epi32(high_left, b->left),
                                     _mm256_mullo_epi32(high_right, b->right)),
-                   b);
+                   b, 1);
 }
 
 /* Two 16-bit weights beside each other. */
 FV_INLINE __m256i pair_of(int32_t first, int32_t second)
 {
     return _mm256_set1_epi32((int32_t)((uint32_t)second << 16 | (uint32_t)first));
+}
+
+/* 16 channels from c on of all pixels with weights of at most 7 bits, in 16-bit then 32-bit
+ * arithmetic. The sum of two rows serves all outputs between the same columns. */
+FV_INLINE void blend_narrow(const struct fv_nn_blend *p, const struct blend *b, const uint8_t *top,
+                            const uint8_t *bottom, int32_t c, uint8_t *out, const int is_moved)
+{
+    const int32_t one = 1 << p->bits, width = p->channels - c < 16 ? p->channels - c : 16;
+    const int32_t *entry = p->columns;
+    __m256i low = _mm256_setzero_si256(), high = low;
+    int32_t left = -1, right = -1;
+    for (int32_t x = 0; x < p->out_w; x++, entry += 3, out += p->out_stride) {
+        if (entry[0] != left || entry[1] != right) {
+            left = entry[0];
+            right = entry[1];
+            const ptrdiff_t at = (ptrdiff_t)left * p->in_stride + c,
+                            beside = (ptrdiff_t)right * p->in_stride + c;
+            const __m256i first = weigh(top + at, bottom + at, b),
+                          second = weigh(top + beside, bottom + beside, b);
+            low = _mm256_unpacklo_epi16(first, second);
+            high = _mm256_unpackhi_epi16(first, second);
+        }
+        const __m256i pair = pair_of(one - entry[2], entry[2]);
+        const __m128i v =
+            round16(_mm256_madd_epi16(low, pair), _mm256_madd_epi16(high, pair), b, is_moved);
+        store_some(out + c, v, width);
+    }
 }
 
 void fv_k_nn_blend_u8__avx2(const struct fv_nn_blend *p, const uint8_t *top, const uint8_t *bottom,
@@ -111,17 +133,22 @@ void fv_k_nn_blend_u8__avx2(const struct fv_nn_blend *p, const uint8_t *top, con
                       .shift = _mm_cvtsi32_si128(2 * p->bits),
                       .middle = _mm256_set1_epi32(p->bits == 0 ? 0 : p->middle << 2 * p->bits),
                       .rows = pair_of(one - weight, weight)};
-    for (int32_t x = 0; x < p->out_w; x++, out += p->out_stride) {
+    for (int32_t c = 0; c < p->channels && p->bits <= 7; c += 16) {
+        if (p->middle == 0)
+            blend_narrow(p, &b, top, bottom, c, out, 0);
+        else
+            blend_narrow(p, &b, top, bottom, c, out, 1);
+    }
+    for (int32_t x = 0; x < p->out_w && p->bits > 7; x++, out += p->out_stride) {
         const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
         const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride,
                         right = (ptrdiff_t)entry[1] * p->in_stride;
         const uint8_t *const corner[4] = {top + left, bottom + left, top + right, bottom + right};
-        b.pair = pair_of(one - entry[2], entry[2]);
         b.left = _mm256_set1_epi32(one - entry[2]);
         b.right = _mm256_set1_epi32(entry[2]);
         for (int32_t c = 0; c < p->channels; c += 16) {
-            const __m128i v = p->bits <= 7 ? blend16(corner, c, &b) : blend16_wide(corner, c, &b);
-            store_some(out + c, v, p->channels - c < 16 ? p->channels - c : 16);
+            store_some(out + c, blend16_wide(corner, c, &b),
+                       p->channels - c < 16 ? p->channels - c : 16);
         }
     }
 }
