@@ -13,6 +13,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
@@ -21,6 +22,7 @@
 
 #include "app/config/map_file.h"
 #include "common/datasets.h"
+#include "common/patience.h"
 #include "common/small_map.h"
 
 static char *const folder = fv_test_place;
@@ -63,10 +65,31 @@ static enum fovea_status write_map(const char *to, const uint8_t *data, size_t b
     return fv_map_file_save(to, &alone, data, bytes, &saved, error);
 }
 
-static void save_for_ever(const struct file files[2], int first)
+static void save_for_ever(const struct file files[2], int first, atomic_int *saves)
 {
-    for (int n = first;; n = !n)
+    for (int n = first;; n = !n, atomic_fetch_add(saves, 1))
         if (write_map(path, files[n].data, files[n].bytes, NULL) != FOVEA_OK) _exit(1);
+}
+
+/* A process that saves one map and the other by turns, until it is killed: after so many saves, of
+ * which it does none while it has no processor, and a while. */
+static void kill_a_saver(const struct file files[2], int first, int after, int64_t while_ns)
+{
+    atomic_int *saves =
+        mmap(NULL, sizeof *saves, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    assert_ptr_not_equal(saves, MAP_FAILED);
+    const pid_t child = fork();
+    assert_true(child >= 0);
+    if (child == 0) save_for_ever(files, first, saves);
+    int status;
+    int64_t end_ns = 0;
+    while (atomic_load(saves) < after && fv_test_patient(&end_ns, 1)) {
+    }
+    nanosleep(&(struct timespec){.tv_nsec = while_ns}, NULL);
+    kill(child, SIGKILL);
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_true(WIFSIGNALED(status)); /* it did not give up by itself */
+    munmap(saves, sizeof *saves);
 }
 
 static void test_kills(void **state)
@@ -80,14 +103,8 @@ static void test_kills(void **state)
     fv_random_seed(&random, (uint64_t)time(NULL));
     assert_int_equal(write_map(path, files[0].data, files[0].bytes, NULL), FOVEA_OK);
     for (int n = 0; n < kills; n++) {
-        const pid_t child = fork();
-        assert_true(child >= 0);
-        if (child == 0) save_for_ever(files, n % 2);
-        nanosleep(&(struct timespec){.tv_nsec = 200000 + fv_random_below(&random, 12000000)}, NULL);
-        int status;
-        kill(child, SIGKILL);
-        assert_int_equal(waitpid(child, &status, 0), child);
-        assert_true(WIFSIGNALED(status)); /* it did not give up by itself */
+        const int after = (int)fv_random_below(&random, 3);
+        kill_a_saver(files, n % 2, after, 200000 + fv_random_below(&random, 8000000));
         struct file read;
         struct fovea_error error;
         struct fv_archive_info info;
