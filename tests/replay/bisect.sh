@@ -75,10 +75,10 @@ record_in_mid_run() {
     run=$!
     trap 'kill $run 2>/dev/null; rm -rf "$folder"' EXIT
     answered=1
-    for _ in 1 2 3 4 5 6 7 8 9 10; do # until it hears
-        "$built/command" --prefix $prefix --wait 3 record >/dev/null && answered=0 && break
+    for wait in 1 2 4 8 16 32 64; do # until it hears; a second `record` would be refused
+        "$built/command" --prefix $prefix --wait $wait resume >/dev/null && answered=0 && break
     done
-    [ $answered -eq 0 ] && sleep 2 && "$built/command" --prefix $prefix --wait 60 record-stop >/dev/null || answered=1
+    [ $answered -eq 0 ] && "$built/command" --prefix $prefix --wait 60 record >/dev/null && sleep 2 && "$built/command" --prefix $prefix --wait 60 record-stop >/dev/null || answered=1
     kill -INT $run
     wait $run || true
     trap 'rm -rf "$folder"' EXIT

@@ -17,7 +17,7 @@ from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 
 build, folder = sys.argv[1:3]
-PATIENCE_S = 120
+PATIENCE_S = 600  # other programs may use the processor
 
 
 def browser():
@@ -27,7 +27,11 @@ def browser():
                  "--disable-background-networking", "--disable-component-update", "--host-resolver-rules=MAP robot.two 127.0.0.1", "--user-data-dir=" + os.path.join(folder, "profile")):
         options.add_argument(word)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    return webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+    made = webdriver.Chrome(options=options, service=Service("/usr/bin/chromedriver"))
+    made.command_executor.client_config.timeout = 700  # a step of the page may take long while others use the processor
+    made.set_script_timeout(600)
+    made.set_page_load_timeout(600)
+    return made
 
 
 def until(driver, text, what):
@@ -59,7 +63,7 @@ def text(driver, name):
 def status_of(address, host):
     request = urllib.request.Request(address + "state.json", headers={"Host": host})
     try:
-        return urllib.request.urlopen(request, timeout=10).status
+        return urllib.request.urlopen(request, timeout=PATIENCE_S).status
     except urllib.error.HTTPError as error:
         return error.code
 

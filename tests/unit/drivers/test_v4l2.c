@@ -291,7 +291,7 @@ static void check_format(struct fake_camera *camera, const char *name,
     uint64_t first = UINT64_MAX;
     for (int i = 0; i < 6; i++) {
         struct fovea_frame frame;
-        assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 5000000000, &frame), FOVEA_OK);
+        assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 60000000000, &frame), FOVEA_OK);
         if (i == 0) first = camera->made - 1 - (camera->made - 1 - frame.sequence);
         assert_int_equal(fovea_image_check(&frame.images[0]), FOVEA_OK);
         assert_int_equal(frame.images[0].format, expected);

@@ -68,7 +68,7 @@ static int level_now(struct fovea_source *source)
     const struct fovea_source_ops *ops;
     const char *address;
     assert_int_equal(fv_source_find("v4l2:/dev/video0", &ops, &address, NULL), FOVEA_OK);
-    assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 5000000000, &frame), FOVEA_OK);
+    assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 60000000000, &frame), FOVEA_OK);
     const int level = frame.images[0].data[0];
     ops->requeue(source, &frame);
     return level;
