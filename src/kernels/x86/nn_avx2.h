@@ -182,6 +182,7 @@ FV_INLINE __m256i look_up(const struct table32 *t, __m256i x)
 /* How results become bytes. */
 struct output {
     __m256i zero, low, high;
+    int is_cut; /* to a range that is narrower than that of bytes */
     int has_table;
     struct table32 table;
 };
@@ -192,6 +193,7 @@ static inline void init_output(struct output *o, int32_t zero, int32_t low, int3
     o->zero = _mm256_set1_epi16((short)zero);
     o->low = _mm256_set1_epi8((char)low);
     o->high = _mm256_set1_epi8((char)high);
+    o->is_cut = low > 0 || high < 255;
     o->has_table = table != NULL;
     if (table != NULL) load_table(&o->table, table);
 }
@@ -226,8 +228,8 @@ FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const
                                               0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15);
     const __m256i a = _mm256_adds_epi16(_mm256_packs_epi32(first[0], first[1]), o->zero);
     const __m256i b = _mm256_adds_epi16(_mm256_packs_epi32(second[0], second[1]), o->zero);
-    const __m256i bytes =
-        _mm256_min_epu8(_mm256_max_epu8(_mm256_packus_epi16(a, b), o->low), o->high);
+    __m256i bytes = _mm256_packus_epi16(a, b);
+    if (o->is_cut) bytes = _mm256_min_epu8(_mm256_max_epu8(bytes, o->low), o->high);
     const __m256i fours =
         _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
     const __m256i ordered = _mm256_shuffle_epi8(fours, in_order);
