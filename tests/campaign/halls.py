@@ -31,7 +31,7 @@ def enter_network():
 
 def goal_of(log, run):
     """X and Y of the goal, which the run's first line states."""
-    for _ in range(300):
+    for _ in range(1200):
         with open(log, encoding="utf-8") as file:
             found = GOAL.search(file.read())
         if found:
@@ -45,11 +45,11 @@ def goal_of(log, run):
 
 def drive(build, seed, frames, log):
     """One hall, as a line of RECORD: its seed, the seconds to the goal ("none": it was not reached) and of the shortest way, and contacts."""
-    source = f"sim:drive?commands=1&baseline=0.12&rate=10&seed={seed}"
+    source = f"sim:drive?commands=1&baseline=0.12&rate=10&patience=200&seed={seed}"
     with open(log, "w", encoding="utf-8") as file:
         run = subprocess.Popen([f"{build}/fovea", "run", "--source", source, *OPTIONS, "--frames", str(frames)],
                                stdout=subprocess.DEVNULL, stderr=file)
-    planner = subprocess.Popen([f"{build}/examples/navigate", *goal_of(log, run), "--patience", "15"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    planner = subprocess.Popen([f"{build}/examples/navigate", *goal_of(log, run), "--patience", "60"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     run.wait()
     planner.terminate()
     planner.wait()

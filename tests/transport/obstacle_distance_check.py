@@ -125,12 +125,16 @@ def made(options, channel, sector_deg=5):
     bus.publish(channel, b"no scan")
     bus.publish(channel, scan_of([1.0] * 360, frame="odom").encode())
     bus.publish(channel, scan_of([1.0] * 360, step=math.nan).encode())
-    seconds = []
-    while len(seconds) < 4:
-        beat = run.next("HEARTBEAT")
-        expect(beat is not None and (beat.type, beat.autopilot, beat.get_srcSystem(), beat.get_srcComponent()) == (18, 8, 1, 196), f"{beat}")
-        seconds.append(time.monotonic())
-    expect(seconds[-1] - seconds[0] > 1.5, f"heartbeats at {seconds} seconds")
+    for _ in range(20):  # those that waited while this program had no processor are read at once
+        seconds = []
+        while len(seconds) < 4:
+            beat = run.next("HEARTBEAT")
+            expect(beat is not None and (beat.type, beat.autopilot, beat.get_srcSystem(), beat.get_srcComponent()) == (18, 8, 1, 196), f"{beat}")
+            seconds.append(time.monotonic())
+        if seconds[-1] - seconds[0] > 1.5:
+            break
+    else:
+        expect(False, f"heartbeats at {seconds} seconds")
     expect(run.next("OBSTACLE_DISTANCE", 0.2) is None, "a message that belongs to no scan")
     said, complaint = run.end()
     expect(said == f"{number + 1} scans sent, 3 left out\n" and complaint.count("\n") == 1, said + complaint)
@@ -170,8 +174,14 @@ def run_of_the_program():
         "--set", "features_every=0", "--set", "map_every=0", "--set", "preview.period_frames=0", "--set",
         "T_body_cam=[[0,-0.34202,0.939693,0.1],[-1,0,0,0],[0,-0.939693,-0.34202,0.8]]"])
     atexit.register(fovea.kill)
-    messages, quiet = [], 0
-    while quiet < 20:
+    messages, quiet, until = [], 0, math.inf
+
+    def answered():
+        return not heard["SCAN"] or any(message.time_usec == max(heard["SCAN"]) for message in messages)
+
+    while quiet < 20 or (not answered() and time.monotonic() < until):
+        if quiet == 1:
+            until = time.monotonic() + PATIENCE_S
         ended = fovea.poll() is not None
         while bus.handle_timeout(20) > 0:
             pass

@@ -190,7 +190,7 @@ static void a_wrong_origin_is_refused(void)
 {
     char command[1300], line[300];
     snprintf(command, sizeof command,
-             "timeout 5 %s/fovea-web --origins 'https://a https://b/page' 2>&1", build_folder());
+             "timeout 120 %s/fovea-web --origins 'https://a https://b/page' 2>&1", build_folder());
     FILE *pipe = popen(command, "r");
     assert_non_null(pipe);
     assert_non_null(fgets(line, sizeof line, pipe));
