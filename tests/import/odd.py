@@ -9,7 +9,7 @@ import numpy as np
 import operators  # it sets the paths of tools/import
 import lower_math
 from operator_cases import out_size
-from variants import conv, image, like
+from variants import conv, depthwise, image, like
 
 
 def conv_uneven(c):
@@ -259,6 +259,19 @@ def wide_images(c):
     s = c.q(c.b.tensors[y][1], 1 / 256, 0 if c.dtype == "uint8" else -128)
     c.b.op("LOGISTIC", [y], [s])
     return [x], [s]
+
+
+def wide_depthwise(c):
+    """Depthwise layers of which one row is more than a unit of work: several steps write their channels, maybe in a joined map."""
+    stride = c.int(1, 2)
+    x = image(c, 3, stride * c.int(250, 330), 8 * c.int(20, 30))
+    y = depthwise(c, x, c.choose(5, 7, 9), stride, activation=c.choose(0, 1, 3))
+    if c.int(0, 1):
+        return [x], [y]
+    shape = c.b.tensors[y][1]
+    other, z = like(c, y, (*shape[:3], 8)), like(c, y, (*shape[:3], shape[3] + 8))
+    c.b.op("CONCATENATION", [other, y], [z], "Concatenation", Axis=3)
+    return [x, other], [z]
 
 
 def wide_layers(c):
@@ -590,7 +603,7 @@ def element_slopes(c):
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
-    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers, wide_images,
+    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers, wide_images, wide_depthwise,
     unary_ranges, softmax_axes, prelu_forms, matmul_forms, arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
     open_sizes, dilated_by_batches, picture_in_planes, float_islands, channel_slopes, element_slopes)})
 

@@ -208,5 +208,5 @@ NETWORKS.update({f"ARG_MAX of 21, axis {axis}": largest(axis, shape) for axis, s
 NETWORKS["ARG_MAX of 1000000"] = largest(1, (1, 1000000))
 NETWORKS.update({f"CONV {k} x {k}, {i} to {o}": conv(h, i, o, k, s) for h, i, o, k, s in ((320, 1, 1, 1, 1), (320, 8, 4, 1, 1), (512, 3, 16, 6, 2),
                                                                                         (160, 1, 16, 5, 1), (20, 256, 256, 3, 1), (480, 64, 64, 3, 1), (7, 1024, 1024, 3, 1))})
-NETWORKS.update({f"DEPTHWISE {k} x {k}, {c} channels": depthwise(h, c, k) for h, c, k in ((224, 3, 3), (160, 32, 5), (20, 100, 9), (160, 192, 7))})
+NETWORKS.update({f"DEPTHWISE {k} x {k}, {c} channels{', wide' if h == 320 else ''}": depthwise(h, c, k) for h, c, k in ((224, 3, 3), (160, 32, 5), (20, 100, 9), (160, 192, 7), (320, 192, 7))})
 NETWORKS.update({f"FULLY_CONNECTED {k} to {n}, {r} rows": connected(r, n, k) for r, n, k in ((400, 64, 64), (1, 4096, 4096), (1, 64, 262144))})

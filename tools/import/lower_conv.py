@@ -239,11 +239,23 @@ def repeat_channels(low, op, source, times):
     return wide
 
 
-def emit_depthwise(low, op, source, out, weights, bias, mult, shift, geometry, act, table):
-    """`weights` [taps][channels] without zero point, up to +-255: split into planes of int8 that add up to them."""
+def depthwise_cost(pixels, channels, taps):
+    return pixels * max(channels, 8) * (taps * 4 + 60)
+
+
+def emit_depthwise(low, op, source, out, weights, bias, mult, shift, geometry, act, table, whole=True):
+    """`weights` [taps][channels] without zero point, up to +-255: split into planes of int8 that add up to them. A layer of which a row is
+    more than a unit's work becomes several, of fewer channels."""
     net = low.net
-    vi = net.values[source]
+    vi, vo = net.values[source], net.values[out]
     taps, channels = weights.shape
+    if whole and channels > 16 and costs.parts("depthwise", depthwise_cost(vo.shape[2], channels, taps)):
+        fit = max(costs.room("depthwise") // depthwise_cost(vo.shape[2], 16, taps), 1)
+        size = pad_to(-(-channels // -(-channels // (16 * fit))), 16)
+        for part in (slice(first, min(first + size, channels)) for first in range(0, channels, size)):
+            a, b = (net.derive(i, v.offset + part.start, v.shape[:3] + (part.stop - part.start,), v.pixel) for i, v in ((source, vi), (out, vo)))
+            emit_depthwise(low, op, a, b, weights[:, part], bias[part], mult[part], shift[part], geometry, act, table, whole=False)
+        return
     c16 = pad_to(channels, 16)
     planes, rest = [], weights.copy()
     while rest.any() or not planes:
@@ -262,7 +274,7 @@ def emit_depthwise(low, op, source, out, weights, bias, mult, shift, geometry, a
     columns = min((p["out_w"] - 1) * p["stride_x"] + (p["kw"] - 1) * p["dilation_x"] + 1,
                   max(DEPTHWISE_COLUMNS, (p["kw"] - 1) * p["dilation_x"] + 1))
     net.step("DEPTHWISE", op, [source], [out], p, p["batch"] * p["out_h"], pixels * taps * channels,
-             cost=pixels * max(channels, 8) * (taps * 4 + 60), scratch=columns * 256 * ((p["kh"] + 3) // 4))
+             cost=depthwise_cost(pixels, channels, taps), scratch=columns * 256 * ((p["kh"] + 3) // 4))
 
 
 def fully_connected(low, op):
