@@ -1,6 +1,7 @@
 /* Live parameters of a whole run, in a network of the test's own: each request gets an answer, a
  * recording with twenty changes replays bit for bit, what is kept holds at the next start, and
  * wrong requests change nothing. */
+#include <errno.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -423,7 +424,10 @@ static void await_told(int manager, const char *begin)
 {
     char text[256];
     do {
-        const ssize_t got = recv(manager, text, sizeof text - 1, 0);
+        ssize_t got;
+        do /* one with a timeout is not begun again by itself */
+            got = recv(manager, text, sizeof text - 1, 0);
+        while (got < 0 && errno == EINTR);
         if (got <= 0) fail_msg("the service manager was not told %s", begin);
         text[got] = '\0';
     } while (strncmp(text, begin, strlen(begin)) != 0);

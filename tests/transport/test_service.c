@@ -5,6 +5,7 @@
 #include <stdatomic.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <errno.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -50,7 +51,10 @@ static const char *heard(int timeout_ms)
     static char text[256];
     const struct timeval patience = {timeout_ms / 1000, timeout_ms % 1000 * 1000 + 1};
     setsockopt(manager, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-    const ssize_t got = recv(manager, text, sizeof text - 1, 0);
+    ssize_t got;
+    do /* one with a timeout is not begun again by itself */
+        got = recv(manager, text, sizeof text - 1, 0);
+    while (got < 0 && errno == EINTR);
     text[got > 0 ? got : 0] = '\0';
     return text;
 }
