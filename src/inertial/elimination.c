@@ -19,8 +19,9 @@ enum {
     VELOCITY = 6,
     SCALE = 9,
     BIAS = 10,
-    DOWN = 0,
-    GYRO = 2
+    DOWN = 13,
+    GYRO = 0,
+    PLAIN_ITERATIONS = 3 /* until errors of poses are what they are and not those of a beginning */
 };
 
 /* What samples cannot tell however good they are, squared: times of exposure, and the form of the
@@ -30,6 +31,8 @@ static const double turn_floor = 2e-5 * 2e-5, velocity_floor = 5e-4 * 5e-4,
 static const double velocity_sigma_begin = 30, scale_sigma_begin = 30;
 static const double handed_sigma_max = 0.1;   /* of the scale, relative */
 static const double walk_floor = 1e-5 * 1e-5; /* of the acceleration bias, squared, per second */
+static const double tilt_floor = 1e-5 * 1e-5; /* of gravity's direction, squared, rad per second */
+static const double surprise = 3.5; /* length of three errors in sigmas: chi-square, 99.3 % */
 
 struct pair {
     double H[PAIR * PAIR], g[PAIR]; /* lower triangle */
@@ -65,11 +68,24 @@ static void add_three(struct pair *pair, int first, const double x[3], double va
     }
 }
 
-/* The pose given. */
-static void add_pose(struct pair *pair, const struct fv_inertial_station *s)
+/* The variance that three errors x of stated sigma are taken to have: larger where, as estimated so
+ * far, they are larger than chance makes them (Huber's function, by
+ * reweighting). */
+static double robust_variance(const struct fv_inertial_state *state, const double x[3],
+                              double sigma)
 {
-    add_three(pair, TURN, s->now.turn, s->pose.turn_sigma * s->pose.turn_sigma);
-    add_three(pair, OFFSET, s->now.offset, s->pose.position_sigma * s->pose.position_sigma);
+    const double least = surprise * sigma, shown = fv_norm3(x);
+    const bool settled = state->estimate.known || state->iteration >= PLAIN_ITERATIONS;
+    return sigma * sigma * (settled && shown > least ? shown / least : 1);
+}
+
+/* The pose given. */
+static void add_pose(struct pair *pair, const struct fv_inertial_state *state,
+                     const struct fv_inertial_station *s)
+{
+    add_three(pair, TURN, s->now.turn, robust_variance(state, s->now.turn, s->pose.turn_sigma));
+    add_three(pair, OFFSET, s->now.offset,
+              robust_variance(state, s->now.offset, s->pose.position_sigma));
 }
 
 /* What is known of the oldest station beforehand. */
@@ -89,8 +105,8 @@ static void add_beginning(struct pair *pair, const struct fv_inertial *inertial,
     add_three(pair, SHARED + GYRO, gyro, state->bias_sigma[0] * state->bias_sigma[0]);
     pair->H[SCALE * (PAIR + 1)] += 1 / (sigma * sigma);
     pair->g[SCALE] -= off / (sigma * sigma);
-    pair->H[(SHARED + DOWN) * (PAIR + 1)] += 1e-4;
-    pair->H[(SHARED + DOWN + 1) * (PAIR + 1)] += 1e-4;
+    pair->H[DOWN * (PAIR + 1)] += 1e-4;
+    pair->H[(DOWN + 1) * (PAIR + 1)] += 1e-4;
     pair->square = square;
 }
 
@@ -99,8 +115,8 @@ static void away(const struct fv_inertial_prior *prior, const struct fv_inertial
                  const struct fv_inertial_shared *shared, double x[TAIL])
 {
     double across[2][3], down[3];
-    fv_inertial_across(prior->shared.down, across);
-    fv_subtract3(shared->down, prior->shared.down, down);
+    fv_inertial_across(prior->own.down, across);
+    fv_subtract3(own->down, prior->own.down, down);
     for (int k = 0; k < 3; k++) {
         x[TURN + k] = own->turn[k] - prior->own.turn[k];
         x[OFFSET + k] = own->offset[k] - prior->own.offset[k];
@@ -110,7 +126,7 @@ static void away(const struct fv_inertial_prior *prior, const struct fv_inertial
     }
     x[SCALE] = own->scale - prior->own.scale;
     for (int k = 0; k < 2; k++)
-        x[OWN + DOWN + k] = fv_dot3(across[k], down);
+        x[DOWN + k] = fv_dot3(across[k], down);
 }
 
 /* A tail's variables among those of a pair, as those of the older station. */
@@ -193,7 +209,7 @@ static void link_errors(const struct fv_inertial *inertial, const struct fv_iner
 {
     const struct fv_preintegration *link = &i->link;
     const double t = link->time_s, s = i->now.scale, g = inertial->config.gravity;
-    const double *down = inertial->state->shared.down;
+    const double *down = i->now.down;
     struct fv_imu_biases biases;
     struct fv_preintegrated sum;
     double across[2][3], gained[3], moved[3], far[3], turn[9], left[9], M[9], back[9];
@@ -248,8 +264,8 @@ static void link_errors(const struct fv_inertial *inertial, const struct fv_iner
     put(J, 6, NEXT + TURN, M, -1);
     put_back(J, 6, SCALE, e->Ri, e->way, 1);
     for (int k = 0; k < 2; k++) {
-        put_back(J, 3, SHARED + DOWN + k, e->Ri, across[k], -g * t);
-        put_back(J, 6, SHARED + DOWN + k, e->Ri, across[k], -g * t * t / 2);
+        put_back(J, 3, DOWN + k, e->Ri, across[k], -g * t);
+        put_back(J, 6, DOWN + k, e->Ri, across[k], -g * t * t / 2);
     }
 }
 
@@ -308,6 +324,27 @@ static void add_walk(struct pair *pair, int a, double difference, double varianc
     pair->square += w * difference * difference;
 }
 
+/* Likewise gravity's directions, each in the axes of its own station. */
+static void add_tilt_walk(struct pair *pair, const struct fv_inertial_own *i,
+                          const struct fv_inertial_own *j, double variance)
+{
+    const struct fv_normal normal = normal_of(pair);
+    double at_i[2][3], at_j[2][3], walked[3], error[2], J[2 * PAIR], WJ[2 * PAIR];
+    fv_inertial_across(i->down, at_i);
+    fv_inertial_across(j->down, at_j);
+    fv_subtract3(j->down, i->down, walked);
+    memset(J, 0, sizeof J);
+    for (int r = 0; r < 2; r++) {
+        error[r] = fv_dot3(at_i[r], walked);
+        J[r * PAIR + DOWN + r] = -1;
+        for (int c = 0; c < 2; c++)
+            J[r * PAIR + NEXT + DOWN + c] = fv_dot3(at_i[r], at_j[c]);
+        pair->square += error[r] * error[r] / variance;
+        fv_block_weigh(J + r * PAIR, PAIR, 1 / variance, WJ + r * PAIR);
+    }
+    fv_normal_add_one(&normal, 0, PAIR, J, WJ, error, 2, NULL);
+}
+
 static void add_walks(struct pair *pair, const struct fv_inertial *inertial,
                       const struct fv_inertial_station *i, const struct fv_inertial_station *j)
 {
@@ -316,6 +353,7 @@ static void add_walks(struct pair *pair, const struct fv_inertial *inertial,
     for (int k = 0; k < 3; k++)
         add_walk(pair, BIAS + k, j->now.acceleration_bias[k] - i->now.acceleration_bias[k],
                  (inertial->config.acceleration_walk + walk_floor) * t);
+    add_tilt_walk(pair, &i->now, &j->now, (inertial->state->tilt_drift + tilt_floor) * t);
 }
 
 /* ---- elimination ----------------------------------------------------------------------------- */
@@ -336,7 +374,7 @@ static void begin_pair(struct pair *pair, struct fv_inertial *inertial, uint32_t
         state->square = 0;
         state->errors = 0;
     }
-    add_pose(pair, station);
+    add_pose(pair, state, station);
 }
 
 /* tail = what is left of the pair's other variables without the older station. */
@@ -402,7 +440,7 @@ bool fv_inertial_eliminate(struct fv_inertial *inertial, uint32_t i)
     state->square += pair.square;
     for (int r = 0; r < OWN; r++) /* what its step saves */
         state->square -= station->gradient[r] * column[r];
-    state->errors += LINK + 6 + 4 - OWN;
+    state->errors += LINK + 6 + 6 - OWN;
     if (i == 0) hand_on(inertial);
     return true;
 }

@@ -9,11 +9,13 @@
 
 enum {
     STATIONS_MIN = 4,
+    STATIONS_TO_CORRECT = 10,
     ITERATIONS_MAX = 10,
     INTEGRATED_PER_UNIT = 48,
-    ELIMINATED_PER_UNIT = 5,
+    ELIMINATED_PER_UNIT = 4,
     STEPPED_PER_UNIT = 16,
-    SHAKE_SAMPLES = 400
+    SHAKE_SAMPLES = 400,
+    DOWN = 13 /* first of gravity's direction among a station's variables */
 };
 
 static const int64_t gap_max_ns = 60000000; /* between samples */
@@ -23,6 +25,7 @@ static const double far_gyro = 5e-3, far_acceleration = 0.3;
 static const double far_scale = 5e-3, far_down = 3e-4, far_bias = 2e-4;
 static const double shake_left = 0.25; /* of the noise of a sample */
 static const double scale_least = 1e-3;
+static const double wrong_sigmas = 6; /* length of three errors */
 /* Of biases before anything is known, rad/s and m/s^2. */
 static const double bias_sigma_begin[2] = {0.1, 0.3};
 
@@ -42,7 +45,7 @@ void fv_inertial_init(struct fv_inertial *inertial)
 {
     struct fv_inertial_state *s = inertial->state;
     memset(s, 0, sizeof *s);
-    s->shared.down[2] = -1;
+    s->down[2] = -1;
     s->noise = inertial->config.noise;
     memcpy(s->bias_sigma, bias_sigma_begin, sizeof s->bias_sigma);
 }
@@ -65,16 +68,18 @@ static void keep_biases(struct fv_inertial_state *s)
     s->bias_sigma[1] = 2 * __builtin_sqrt(acceleration) + 1e-2;
 }
 
-void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, double scale_drift)
+void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, double scale_drift,
+                         double tilt_drift)
 {
     struct fv_inertial_state *s = inertial->state;
     s->metric_sigma = metric_sigma;
     s->scale_drift = scale_drift;
+    s->tilt_drift = tilt_drift;
     keep_biases(s);
     s->first = s->count = 0;
     s->phase = FV_INERTIAL_IDLE;
-    s->wanted = s->handed = false;
-    s->prior.known = s->estimate.known = false;
+    s->waiting = 0;
+    s->handed = s->prior.known = s->estimate.known = false;
 }
 
 /* ---- stations and samples -------------------------------------------------------------------- */
@@ -238,7 +243,7 @@ void fv_inertial_add_station(struct fv_inertial *inertial, int64_t stamp_ns,
     station->stamp_ns = stamp_ns;
     station->of = *of;
     station->pose = *pose;
-    s->wanted = true;
+    s->waiting++;
     if (s->count < 2) {
         if (s->any_sample) append(inertial, s->count - 1, s->last_sample_ns, &s->last_sample);
         return;
@@ -334,7 +339,7 @@ static void follow(const struct fv_inertial *inertial, uint32_t i)
     fv_rotate3(R, a->link.velocity, gained);
     for (int k = 0; k < 3; k++)
         b->now.velocity[k] +=
-            gained[k] + inertial->config.gravity * a->link.time_s * inertial->state->shared.down[k];
+            gained[k] + inertial->config.gravity * a->link.time_s * a->now.down[k];
 }
 
 /* Gravity is against the mean of what the sensor feels. */
@@ -350,14 +355,17 @@ static void guess_down(struct fv_inertial *inertial)
         for (int k = 0; k < 3; k++)
             down[k] -= gained[k];
     }
-    if (fv_normalise3(down)) fv_copy3(down, s->shared.down);
+    if (!fv_normalise3(down)) return;
+    for (uint32_t i = 0; i < s->taking_part; i++)
+        fv_copy3(down, fv_inertial_station_at(inertial, i)->now.down);
 }
 
 /* ---- an estimate ----------------------------------------------------------------------------- */
 
 bool fv_inertial_wanted(const struct fv_inertial *inertial)
 {
-    return inertial->state->wanted && inertial->state->phase == FV_INERTIAL_IDLE;
+    return inertial->state->waiting >= FV_INERTIAL_STATIONS_PER_ESTIMATE &&
+           inertial->state->phase == FV_INERTIAL_IDLE;
 }
 
 bool fv_inertial_busy(const struct fv_inertial *inertial)
@@ -382,7 +390,7 @@ static void skip_cuts(struct fv_inertial *inertial)
 void fv_inertial_begin(struct fv_inertial *inertial)
 {
     struct fv_inertial_state *s = inertial->state;
-    s->wanted = false;
+    s->waiting = 0;
     skip_cuts(inertial);
     uint32_t part = 0;
     while (part + 1 < s->count && fv_inertial_station_at(inertial, part)->closed)
@@ -393,6 +401,7 @@ void fv_inertial_begin(struct fv_inertial *inertial)
     if (!(oldest->now.scale > 0)) {
         oldest->now.scale = 1;
         memcpy(oldest->now.acceleration_bias, s->acceleration_bias, sizeof s->acceleration_bias);
+        fv_copy3(s->down, oldest->now.down);
     }
     s->next = s->iteration = 0;
     s->phase = FV_INERTIAL_INTEGRATE;
@@ -440,6 +449,7 @@ static void eliminate_unit(struct fv_inertial *inertial)
 
 static void move_own(struct fv_inertial_own *own, const double step[FV_INERTIAL_OWN])
 {
+    double across[2][3];
     for (int k = 0; k < 3; k++) {
         own->turn[k] += step[k];
         own->offset[k] += step[3 + k];
@@ -448,17 +458,25 @@ static void move_own(struct fv_inertial_own *own, const double step[FV_INERTIAL_
     }
     own->scale += step[9];
     if (own->scale < scale_least) own->scale = scale_least;
+    fv_inertial_across(own->down, across);
+    for (int k = 0; k < 3; k++)
+        own->down[k] += across[0][k] * step[DOWN] + across[1][k] * step[DOWN + 1];
+    (void)fv_normalise3(own->down);
 }
 
-static void move_shared(struct fv_inertial_shared *shared, const double step[FV_INERTIAL_SHARED])
+/* A pose that errs by far more than it states had a map that was wrong: from now on it states that,
+ * so that it counts for little without calling the whole estimate a misfit. */
+static void correct_sigmas(struct fv_inertial *inertial)
 {
-    double across[2][3];
-    fv_inertial_across(shared->down, across);
-    for (int k = 0; k < 3; k++) {
-        shared->down[k] += across[0][k] * step[0] + across[1][k] * step[1];
-        shared->gyro_bias[k] += step[2 + k];
+    for (uint32_t i = 0; i < inertial->state->taking_part; i++) {
+        struct fv_inertial_station *s = fv_inertial_station_at(inertial, i);
+        const double off = fv_norm3(s->now.offset), turned = fv_norm3(s->now.turn);
+        if (off < wrong_sigmas * s->pose.position_sigma &&
+            turned < wrong_sigmas * s->pose.turn_sigma)
+            continue;
+        if (off > s->pose.position_sigma) s->pose.position_sigma = off;
+        if (turned > s->pose.turn_sigma) s->pose.turn_sigma = turned;
     }
-    (void)fv_normalise3(shared->down);
 }
 
 static void finish(struct fv_inertial *inertial)
@@ -467,10 +485,11 @@ static void finish(struct fv_inertial *inertial)
     struct fv_inertial_estimate *e = &s->estimate;
     const struct fv_inertial_station *newest = fv_inertial_station_at(inertial, s->taking_part - 1);
     const double *C = e->covariance;
-    const int down = FV_INERTIAL_OWN * (FV_INERTIAL_TAIL + 1), scale = 9 * (FV_INERTIAL_TAIL + 1);
+    const int down = DOWN * (FV_INERTIAL_TAIL + 1), scale = 9 * (FV_INERTIAL_TAIL + 1);
     e->own = newest->now;
     e->shared = s->shared;
-    fv_inertial_across(s->shared.down, e->across);
+    fv_copy3(e->own.down, s->down);
+    fv_inertial_across(e->own.down, e->across);
     e->stamp_ns = newest->stamp_ns;
     e->time_s =
         (double)fv_stamp_since(newest->stamp_ns, fv_inertial_station_at(inertial, 0)->stamp_ns) *
@@ -479,6 +498,7 @@ static void finish(struct fv_inertial *inertial)
     e->scale_sigma = __builtin_sqrt(C[scale]) / e->own.scale;
     e->gravity_sigma = __builtin_sqrt((C[down] + C[down + FV_INERTIAL_TAIL + 1]) / 2);
     e->known = true;
+    if (s->taking_part >= STATIONS_TO_CORRECT) correct_sigmas(inertial);
     s->phase = FV_INERTIAL_IDLE;
 }
 
@@ -489,11 +509,12 @@ static void back_unit(struct fv_inertial *inertial)
     if (s->next + 1 == s->taking_part) { /* the newest and the shared go first */
         struct fv_inertial_own *own = &fv_inertial_station_at(inertial, s->next)->now;
         s->moved_far = fv_abs(x[9]) > far_scale * own->scale;
-        for (int k = 0; k < FV_INERTIAL_SHARED; k++)
+        for (int k = DOWN; k < FV_INERTIAL_TAIL; k++)
             s->moved_far =
-                s->moved_far || fv_abs(x[FV_INERTIAL_OWN + k]) > (k < 2 ? far_down : far_bias);
+                s->moved_far || fv_abs(x[k]) > (k < FV_INERTIAL_OWN ? far_down : far_bias);
         move_own(own, x);
-        move_shared(&s->shared, x + FV_INERTIAL_OWN);
+        for (int k = 0; k < 3; k++)
+            s->shared.gyro_bias[k] += x[FV_INERTIAL_OWN + k];
     }
     for (int n = 0; n < STEPPED_PER_UNIT && s->next > 0; n++) {
         s->next--;

@@ -3,17 +3,26 @@
  * they are.
  *
  * A *station* is an instant at which the camera's pose is known, in a frame `world` of any axes and
- * unit that does not move (with its sigma: errors of stations are taken to be independent). Between
- * two stations stands what the samples say (preintegration.h). Estimated together by Gauss-Newton
- * are, by station, an error of the turn and of the position, velocity, scale and acceleration bias,
- * and for all the direction of gravity and the gyro bias. The scale drifts from station to station,
- * as that of a map by one camera does; the acceleration bias walks. This is the inertial-only
+ * unit that does not move. Between two stations stands what the samples say (preintegration.h).
+ * Estimated together by Gauss-Newton are, by station, an error of the turn and of the position,
+ * velocity, scale, acceleration bias and the direction of gravity, and for all the gyro bias. From
+ * station to station the scale drifts, as that of a map by one camera does, and so does gravity's
+ * direction, since such a map bends; the acceleration bias walks. This is the inertial-only
  * estimate of C. Campos, J. Montiel, J. Tardos, "Inertial-only optimization for visual-inertial
  * initialization" (ICRA 2020), with errors of the poses besides, so that the stated sigma holds;
  * the first step, from no velocity and a scale of 1, is linear in scale and velocities and so is
  * the closed form of L. von Stumberg et al. and others. Stations are eliminated from the oldest on
  * (a Kalman smoother in information form): what is left of the newest is its covariance. A station
  * that makes room hands what it knew on as a prior, at the values it was linearised at.
+ *
+ * Errors of stations are taken for independent, so their sigma is to be that of what each frame
+ * errs by alone, and no more. With errors on both sides, of poses and of samples, a fit is right
+ * where their ratio is (W. E. Deming, "Statistical adjustment of data", 1943): poses that state too
+ * much take the errors of the samples for theirs, which costs less the larger the scale is, and the
+ * scale comes out too large. In simulation and on EuRoC second differences of stations, less what
+ * the samples say, are correlated by -.6 to -.7 with the next; of independent errors it is -.67. A
+ * station that errs by more than it states counts for less (Huber's function), and one that errs by
+ * more than six sigmas states that from then on.
  *
  * The noise of the samples is what the configuration states or, where the sensor is shaken, what
  * they show: on EuRoC's drone forces are 30 to 50 times noisier than the data sheet says, at rest 5
@@ -42,11 +51,13 @@ extern "C" {
 #endif
 
 enum {
-    FV_INERTIAL_STATIONS_MAX = 64,
+    FV_INERTIAL_STATIONS_MAX = 96,
     FV_INERTIAL_SAMPLES_MAX = 320,
-    /* variables of a station: turn, position, velocity, scale, acceleration bias */
-    FV_INERTIAL_OWN = 13,
-    FV_INERTIAL_SHARED = 5, /* of all: direction of gravity, gyro bias */
+    FV_INERTIAL_STATIONS_PER_ESTIMATE = 3, /* so many new ones make another estimate worth while */
+    /* variables of a station: turn, position, velocity, scale, acceleration bias, direction of
+     * gravity */
+    FV_INERTIAL_OWN = 15,
+    FV_INERTIAL_SHARED = 3, /* of all: gyro bias */
     FV_INERTIAL_TAIL = FV_INERTIAL_OWN + FV_INERTIAL_SHARED,
     FV_INERTIAL_PAIR = 2 * FV_INERTIAL_OWN + FV_INERTIAL_SHARED
 };
@@ -90,9 +101,9 @@ struct fv_inertial_own {
     double velocity[3];        /* of the sensor in world, m/s */
     double scale;              /* metres per unit */
     double acceleration_bias[3];
+    double down[3]; /* unit vector, in the axes that world has there */
 };
 struct fv_inertial_shared {
-    double down[3]; /* unit vector in world */
     double gyro_bias[3];
 };
 
@@ -130,8 +141,8 @@ struct fv_inertial_estimate {
     double time_s; /* between the first and the last */
     struct fv_inertial_own own;
     struct fv_inertial_shared shared;
-    /* Over own (turn, offset, velocity, scale, acceleration bias) and shared (gravity's direction
-     * along `across`, gyro bias), row-major, inflated by the misfit */
+    /* Over own (turn, offset, velocity, scale, acceleration bias, gravity's direction along
+     * `across`) and shared (gyro bias), row-major, inflated by the misfit */
     double covariance[FV_INERTIAL_TAIL * FV_INERTIAL_TAIL];
     double across[2][3];
     double scale_sigma;   /* relative */
@@ -148,7 +159,7 @@ enum fv_inertial_phase {
 
 struct fv_inertial_state {
     uint32_t first, count; /* stations: a ring */
-    bool wanted;           /* a station has come since the last estimate began */
+    uint32_t waiting;      /* stations that came since the last estimate began */
     enum fv_inertial_phase phase;
     uint32_t taking_part;     /* stations of this pass, from the oldest on */
     uint32_t next, iteration; /* of the pass */
@@ -159,11 +170,12 @@ struct fv_inertial_state {
     double tail[FV_INERTIAL_TAIL * FV_INERTIAL_TAIL], tail_gradient[FV_INERTIAL_TAIL];
     double solution[FV_INERTIAL_TAIL]; /* of the station after `next`, and the shared */
     struct fv_inertial_shared shared;
-    double gyro_bias[3], acceleration_bias[3]; /* to begin with */
-    double bias_sigma[2];                      /* gyro, acceleration */
+    double gyro_bias[3], acceleration_bias[3], down[3]; /* to begin with */
+    double bias_sigma[2];                               /* gyro, acceleration */
     struct fv_inertial_prior prior, hand_on;
     struct fv_inertial_estimate estimate;
     double scale_drift;        /* squared, relative, per second */
+    double tilt_drift;         /* squared, rad of an axis, per second */
     double metric_sigma;       /* of a unit that is the metre, relative; 0: of any length */
     struct fv_imu_noise noise; /* that is believed now, squared densities */
     struct fv_imu_shake shake;
@@ -186,8 +198,9 @@ void fv_inertial_init(struct fv_inertial *inertial);
 
 /* Forget the stations; the biases stay known as well as they are. The unit of `world` is the metre
  * to `metric_sigma`, relative (0: of any length), and drifts by `scale_drift`: squared, relative,
- * per second. */
-void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, double scale_drift);
+ * per second. Its axes tilt by `tilt_drift`: squared, rad of an axis, per second. */
+void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, double scale_drift,
+                         double tilt_drift);
 
 /* A sample by the camera's clock; one that is not after the last is left out. */
 void fv_inertial_take(struct fv_inertial *inertial, int64_t stamp_ns, const double gyro[3],
@@ -196,7 +209,7 @@ void fv_inertial_take(struct fv_inertial *inertial, int64_t stamp_ns, const doub
 /* The clock of the samples leapt: nothing from before continues. */
 void fv_inertial_jump(struct fv_inertial *inertial);
 
-/* A station at an instant after the last. */
+/* A station at an instant after the last. With each third a new estimate is wanted. */
 void fv_inertial_add_station(struct fv_inertial *inertial, int64_t stamp_ns,
                              const struct fv_inertial_owner *of,
                              const struct fv_inertial_pose *pose);

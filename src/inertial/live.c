@@ -6,8 +6,8 @@
 #include "inertial/stamp.h"
 
 static const int64_t gap_max_ns = 60000000;
-static const double way_max_s = 0.5;          /* between poses that measure a velocity */
-static const double acceleration_sigma = 0.1; /* of what gravity and biases leave, m/s^2 */
+static const double way_max_s = 0.5;           /* between poses that measure a velocity */
+static const double acceleration_sigma = 0.05; /* of what gravity and biases leave, m/s^2 */
 
 static void use(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
                 const struct fv_imu_reading *sample)

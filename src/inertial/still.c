@@ -96,7 +96,7 @@ static double away(const struct fv_imu_still *still, const struct fv_imu_still_s
     struct fv_se3 between;
     double turn[3];
     fv_se3_invert(&still->anchor, &between);
-    fv_se3_compose(&between, &seen->T_world_imu, &between);
+    fv_se3_compose(&between, &seen->T_world_cam, &between);
     fv_so3_log(between.R, turn);
     const double turned = fv_norm3(turn), gone = fv_norm3(between.t) / seen->depth;
     return turned > gone ? turned : gone;
@@ -111,7 +111,7 @@ void fv_imu_still_see(struct fv_imu_still *still, const struct fv_imu_still_seen
         return;
     }
     if (!still->anchored || !(seen->depth > 0) || away(still, seen) > stay_rad) {
-        still->anchor = seen->T_world_imu;
+        still->anchor = seen->T_world_cam;
         still->since_ns = seen->stamp_ns;
         still->anchored = true;
         still->standing = false;

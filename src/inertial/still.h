@@ -12,7 +12,7 @@
  * then.
  *
  * Once it stands, quiet samples alone are enough to say that it still does, where no picture comes:
- * nothing begins to move without a force. Lengths in metres. State holds no addresses. Real-time
+ * nothing begins to move without a force. State holds no addresses. Real-time
  * safe; constant time per call. */
 #ifndef FOVEA_INERTIAL_STILL_H
 #define FOVEA_INERTIAL_STILL_H
@@ -48,8 +48,8 @@ struct fv_imu_still_noise {
 
 struct fv_imu_still_seen {
     int64_t stamp_ns;
-    struct fv_se3 T_world_imu;
-    double depth;                    /* of what is seen */
+    struct fv_se3 T_world_cam;       /* in any unit: that of the metres is still being found */
+    double depth;                    /* of what is seen, in the same */
     double velocity, velocity_sigma; /* before this frame; m/s */
     bool of_use;                     /* the picture is */
 };

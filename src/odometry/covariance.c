@@ -446,6 +446,14 @@ void fv_covariance_begin(struct fv_covariance_state *s)
     s->focal = 0;
 }
 
+static void write_own(struct fv_covariance_state *s, const struct fv_pose_fit *fit, double variance)
+{
+    double own[21] = {0};
+    (void)fv_pose_add_alone(fit, variance, own);
+    s->own_position = __builtin_sqrt((own[0] + own[6] + own[11]) / 3);
+    s->own_turn = __builtin_sqrt((own[15] + own[18] + own[20]) / 3);
+}
+
 bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame,
                          const struct fv_pose_fit *fit)
 {
@@ -454,6 +462,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     if (variance < FV_MAP_VARIANCE_MIN) variance = FV_MAP_VARIANCE_MIN;
     struct fv_pose_part part[FV_MAP_PARTS];
     struct fv_pose_shown parts;
+    write_own(&o->state->covariance, fit, variance);
     collect_parts(&o->map, frame, part);
     const bool spread = fv_pose_jackknife(fit, part, FV_MAP_PARTS, &parts);
     const double bend = map_bend(&o->map, o->focal_px, frame, __builtin_sqrt(variance));

@@ -74,6 +74,9 @@ struct fv_covariance_state {
     double focal_held;                /* the largest that was clear in one picture, fading */
     uint32_t alert_frames;            /* for so many frames a smaller change is a hint */
     float unit_variance;              /* of a keyframe that is made of the last frame (map.h) */
+    /* What independent errors of its pixels alone do to the last frame's position (map's unit) and
+     * turn (rad), standard deviations of an axis: of the covariance, what is its own */
+    double own_position, own_turn;
 };
 
 struct fv_covariance {

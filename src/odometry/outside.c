@@ -6,6 +6,13 @@ const struct fovea_pose *fv_odometry_pose(const struct fv_odometry *o)
     return &o->state->pose;
 }
 
+void fv_odometry_own_sigmas(const struct fv_odometry *o, double *position, double *turn)
+{
+    const struct fovea_pose *pose = &o->state->pose;
+    *position = pose->posed ? o->state->covariance.own_position / pose->map_scale : 0;
+    *turn = pose->posed ? o->state->covariance.own_turn : 0;
+}
+
 uint32_t fv_odometry_reset_counter(const struct fv_odometry *o)
 {
     return o->state->reset_counter;

@@ -5,18 +5,22 @@
 #include "geometry/vec.h"
 #include "inertial/stamp.h"
 
-static const int64_t station_apart_ns = 240000000;
-static const double position_sigma_least = 3e-4; /* of the distance of what is seen */
-/* Errors of poses that follow each other go together: of the stated sigma this is their own. */
-static const double position_share = 0.5;
+static const int64_t station_apart_ns = 90000000;
+/* Poses err by somewhat more than what pixels that err independently do to them: 1.0 to 1.2 times
+ * in simulation, 1.2 to 1.7 times on EuRoC. */
+static const double own_share = 1.2;
+static const double position_sigma_least = 5e-5; /* of the distance of what is seen */
 static const double turn_sigma_least = 3e-4;
-static const double mono_drift = 0.004, stereo_drift = 1e-4; /* of the scale, relative, by root s */
+static const double mono_drift = 0.003, stereo_drift = 1e-4; /* of the scale, relative, by root s */
+static const double tilt_drift = 3e-4;                       /* of a map, rad by root s */
 static const double stereo_sigma = 0.003;
 /* Of what is claimed. */
 static const double claim_sigma = 0.04, claim_misfit = 4, claim_gravity_sigma = 0.05;
 static const double claim_time_s = 3;
 static const double settled_sigma = 0.02, settled_s = 6; /* of gravity: the sooner of both */
-static const double sigma_least = 0.005; /* models of lenses and sensors are not better */
+/* Of the scale: models of lenses and sensors are not better; the unit of a map by one camera
+ * differs by this from place to place, in simulation and on EuRoC. */
+static const double stereo_sigma_least = 0.005, mono_sigma_least = 0.01;
 /* Poses tilt together, a map by more and more: of gravity in a frame's axes no estimate is surer
  * than this, rad. Found in simulation on odd seeds of four trajectories. */
 static const double gravity_sigma_least = 1.2e-3;
@@ -102,20 +106,12 @@ void fv_inertial_stage_observe(struct fv_inertial_stage *stage, const struct fv_
 
 /* ---- stations -------------------------------------------------------------------------------- */
 
-static double mean_sigma(const double covariance[21], int first)
-{
-    static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
-    double sum = 0;
-    for (int i = 0; i < 3; i++)
-        sum += covariance[diagonal[first + i]];
-    return __builtin_sqrt(sum / 3);
-}
-
 static void restart(struct fv_inertial_stage *stage)
 {
     const bool metric = stage->state->metric;
     fv_inertial_restart(&stage->estimator, metric ? stereo_sigma : 0,
-                        metric ? stereo_drift * stereo_drift : mono_drift * mono_drift);
+                        metric ? stereo_drift * stereo_drift : mono_drift * mono_drift,
+                        tilt_drift * tilt_drift);
 }
 
 /* Another map, or another world: what is known of the biases stays. */
@@ -167,19 +163,27 @@ static double depth_of(const struct fv_odometry *odometry)
     return fv_odometry_current_depth(odometry) / fv_odometry_pose(odometry)->map_scale;
 }
 
+/* By how much a pose errs beside those around it; in the unit of world, and rad. */
+static void own_sigmas(const struct fv_odometry *odometry, double depth, double *position,
+                       double *turn)
+{
+    fv_odometry_own_sigmas(odometry, position, turn);
+    *position *= own_share;
+    *turn *= own_share;
+    if (*position < position_sigma_least * depth) *position = position_sigma_least * depth;
+    if (*turn < turn_sigma_least) *turn = turn_sigma_least;
+}
+
 static void add_station(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                         int64_t stamp_ns)
 {
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     const struct fv_odometry_reference reference = fv_odometry_reference(odometry);
-    const double depth = depth_of(odometry), least = position_sigma_least * depth,
-                 position = position_share * mean_sigma(pose->covariance, 0),
-                 turn = mean_sigma(pose->covariance, 3);
+    const double depth = depth_of(odometry);
     const struct fv_inertial_owner of = {reference.slot, reference.number,
                                          reference.T_keyframe_cam};
-    struct fv_inertial_pose given = {.position_sigma = position > least ? position : least,
-                                     .turn_sigma =
-                                         turn > turn_sigma_least ? turn : turn_sigma_least};
+    struct fv_inertial_pose given;
+    own_sigmas(odometry, depth, &given.position_sigma, &given.turn_sigma);
     fv_se3_from_rows(pose->T_world_cam, &given.T_world_cam);
     fv_inertial_add_station(&stage->estimator, stamp_ns, &of, &given);
     stage->state->station_ns = stamp_ns;
@@ -224,7 +228,10 @@ static bool same_world(const struct fv_inertial_stage_state *s, const struct fv_
 /* Whether the gyro's bias is known: by this map, or by one before. */
 static bool turns_known(const struct fv_inertial_stage *stage)
 {
-    return fv_inertial_result(&stage->estimator)->known ||
+    enum { GYRO = FV_INERTIAL_OWN * (FV_INERTIAL_TAIL + 1) }; /* the first of the gyro's biases */
+    const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
+    const double most = gyro_bias_sigma_max * gyro_bias_sigma_max;
+    return (e->known && e->covariance[GYRO] < most) ||
            stage->estimator.state->bias_sigma[0] < gyro_bias_sigma_max;
 }
 
@@ -257,7 +264,8 @@ bool fv_inertial_stage_rate(const struct fv_inertial_stage *stage, int64_t stamp
     if (!stage->enabled || !live->any_sample ||
         fv_stamp_since(stamp_ns, live->sample_ns) > rate_age_max_ns)
         return false;
-    fv_subtract3(live->gyro, live->sum.biases.gyro, turned);
+    const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
+    fv_subtract3(live->gyro, e->known ? e->shared.gyro_bias : live->sum.biases.gyro, turned);
     fv_rotate3(stage->estimator.config.T_cam_imu.R, turned, rate);
     return turns_known(stage) || fv_norm3(rate) > gyro_bias_most;
 }
@@ -283,15 +291,17 @@ static void write_moving(struct fv_inertial_stage *stage, const struct fv_se3 *T
 }
 
 /* The frame has a pose. */
-static void follow_pose(struct fv_inertial_stage *stage, const struct fovea_pose *pose,
+static void follow_pose(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                         int64_t stamp_ns)
 {
+    const struct fovea_pose *pose = fv_odometry_pose(odometry);
     struct fv_inertial_stage_state *s = stage->state;
     const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
     const struct fv_inertial_state *kept = stage->estimator.state;
     const bool claimed = s->known.claimed;
-    const double scale = claimed ? s->known.scale : 1,
-                 sigma = scale * mean_sigma(pose->covariance, 0) * position_share;
+    double position, turn;
+    own_sigmas(odometry, s->depth, &position, &turn);
+    const double scale = claimed ? s->known.scale : 1, sigma = scale * position;
     struct fv_preintegration sum;
     struct fv_imu_biases biases;
     if (e->known) {
@@ -306,7 +316,7 @@ static void follow_pose(struct fv_inertial_stage *stage, const struct fovea_pose
     s->live.T_world_imu = sensor_at(stage, &s->T_world_cam, scale);
     fv_se3_from_rows(pose->T_world_cam, &s->T_world_cam);
     const struct fv_se3 T = sensor_at(stage, &s->T_world_cam, scale);
-    fv_inertial_stage_still_see(stage, pose, stamp_ns, &T);
+    fv_inertial_stage_still_see(stage, pose, stamp_ns);
     fv_inertial_live_pose(&s->live, stamp_ns, &T, sigma, led ? &sum : NULL,
                           claimed ? s->known.gravity : NULL, &biases);
     fv_inertial_stage_still_stop(stage);
@@ -458,7 +468,7 @@ void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odo
     if (!s->begun || s->map != pose->map_id ||
         s->reset_counter != fv_odometry_reset_counter(odometry))
         enter(stage, odometry);
-    follow_pose(stage, pose, stamp_ns);
+    follow_pose(stage, odometry, stamp_ns);
     if (fv_inertial_stage_compare_clocks(stage, pose, stamp_ns)) {
         doubt(stage);
         return;
@@ -491,7 +501,8 @@ static void refresh(struct fv_inertial_stage *stage, const struct fv_odometry *o
 
 /* ---- what is claimed ------------------------------------------------------------------------- */
 
-static void write_known(struct fv_inertial_known *known, const struct fv_inertial_estimate *e)
+static void write_known(struct fv_inertial_known *known, const struct fv_inertial_estimate *e,
+                        double sigma_least)
 {
     const double sigma2 = e->scale_sigma * e->scale_sigma + sigma_least * sigma_least;
     const int gyro = FV_INERTIAL_TAIL - 3, acceleration = FV_INERTIAL_OWN - 3;
@@ -501,7 +512,7 @@ static void write_known(struct fv_inertial_known *known, const struct fv_inertia
     known->gravity_sigma = __builtin_sqrt(e->gravity_sigma * e->gravity_sigma +
                                           gravity_sigma_least * gravity_sigma_least);
     for (int i = 0; i < 3; i++)
-        known->gravity[i] = gravity_m_s2 * e->shared.down[i];
+        known->gravity[i] = gravity_m_s2 * e->own.down[i];
     memcpy(known->biases.gyro, e->shared.gyro_bias, sizeof known->biases.gyro);
     memcpy(known->biases.acceleration, e->own.acceleration_bias, sizeof known->biases.acceleration);
     for (int r = 0, k = 0; r < 6; r++)
@@ -557,7 +568,7 @@ static void judge(struct fv_inertial_stage *stage)
         (s->agreeing >= FV_INERTIAL_AGREEING && (s->metric || e->time_s >= claim_time_s));
     if (!seasoned || !(good || better)) return;
     s->anew = s->doubted = false;
-    write_known(&s->known, e);
+    write_known(&s->known, e, s->metric ? stereo_sigma_least : mono_sigma_least);
     correct_velocity(stage, e);
     s->claimed_ns = e->stamp_ns;
     s->claimed_sigma = s->known.scale_sigma;

@@ -1,13 +1,14 @@
 /* Metres, gravity and velocity from an inertial sensor beside the camera's poses.
  *
- * Four times a second a frame's pose becomes a station of the inertial estimator
- * (inertial/estimator.h), given relative to its reference keyframe, so that what optimisation makes
- * of the map improves the stations too. Poses are those of `world`, the continuous frame of struct
- * fovea_pose. Units of work keep the estimate up to date. It is *claimed*, which makes poses
- * metric and upright, when it says and shows that it is good: a sigma of the scale of at most 4 %,
- * a misfit that noise explains, seconds of motion, and estimates that agree with each other; before
- * that it is not used. Constant velocity, hovering, pure rotation and free fall show no scale. Once
- * claimed in a map, a scale stays known there, and grows less sure while nothing adds to it.
+ * Ten times a second a frame's pose becomes a station of the inertial estimator
+ * (inertial/estimator.h), with the sigma of what the frame errs by alone (fv_odometry_own_sigmas),
+ * given relative to its reference keyframe, so that what optimisation makes of the map improves the
+ * stations too. Poses are those of `world`, the continuous frame of struct fovea_pose. Units of
+ * work keep the estimate up to date. It is *claimed*, which makes poses metric and upright, when it
+ * says and shows that it is good: a sigma of the scale of at most 4 %, a misfit that noise
+ * explains, seconds of motion, and estimates that agree with each other; before that it is not
+ * used. Constant velocity, hovering, pure rotation and free fall show no scale. Once claimed in a
+ * map, a scale stays known there, and grows less sure while nothing adds to it.
  *
  * From frame to frame the samples say how the camera moved (inertial/live.h): odometry searches
  * from there, the published velocity is this one, and while the pictures show nothing, the pose
@@ -147,13 +148,12 @@ void fv_inertial_stage_init_clocks(struct fv_inertial_stage *stage);
 bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,
                                       const struct fovea_pose *pose, int64_t stamp_ns);
 
-/* A sample; a frame with a pose, where the sensor is at T_world_imu (metres), before the filter of
- * frames takes it; the filter after that; and a frame without one, whose motion by the samples is
- * in `known`. */
+/* A sample; a frame with a pose, before the filter of frames takes it; the filter after that; and a
+ * frame without one, whose motion by the samples is in `known`. */
 void fv_inertial_stage_still_take(struct fv_inertial_stage *stage,
                                   const struct fv_imu_reading *reading);
 void fv_inertial_stage_still_see(struct fv_inertial_stage *stage, const struct fovea_pose *pose,
-                                 int64_t stamp_ns, const struct fv_se3 *T_world_imu);
+                                 int64_t stamp_ns);
 void fv_inertial_stage_still_stop(struct fv_inertial_stage *stage);
 void fv_inertial_stage_still_stay(struct fv_inertial_stage *stage, int64_t stamp_ns);
 

@@ -19,7 +19,7 @@ void fv_inertial_stage_still_take(struct fv_inertial_stage *stage,
 }
 
 void fv_inertial_stage_still_see(struct fv_inertial_stage *stage, const struct fovea_pose *pose,
-                                 int64_t stamp_ns, const struct fv_se3 *T_world_imu)
+                                 int64_t stamp_ns)
 {
     struct fv_inertial_stage_state *s = stage->state;
     if (!s->known.claimed || s->doubted || !s->live.moving) {
@@ -27,8 +27,8 @@ void fv_inertial_stage_still_see(struct fv_inertial_stage *stage, const struct f
         return;
     }
     const struct fv_imu_still_seen seen = {.stamp_ns = stamp_ns,
-                                           .T_world_imu = *T_world_imu,
-                                           .depth = s->depth * s->known.scale,
+                                           .T_world_cam = s->T_world_cam,
+                                           .depth = s->depth,
                                            .velocity = fv_norm3(s->live.velocity),
                                            .velocity_sigma = __builtin_sqrt(s->live.variance),
                                            .of_use = pose->state == FOVEA_TRACKING_OK};

@@ -64,7 +64,7 @@ void inertial_case_fill(struct fovea *rt, uint32_t stations)
     const struct fv_map *map = &rt->odometry.map;
     const int64_t end_ms = (int64_t)(stations - 1) * INERTIAL_CASE_STATION_MS;
     fv_inertial_init(inertial);
-    fv_inertial_restart(inertial, 0.003, 1e-8);
+    fv_inertial_restart(inertial, 0.003, 1e-8, 1e-7);
     for (int64_t ms = -1; ms <= end_ms; ms++) {
         struct fovea_imu_sample sample;
         inertial_case_sample(ms, &sample);
@@ -91,10 +91,10 @@ void inertial_case_claim(struct fovea *rt)
     s->anew = s->doubted = false;
     e->known = true;
     e->own.scale = 1;
-    e->shared.down[2] = -1;
+    e->own.down[2] = -1;
     for (int i = 0; i < FV_INERTIAL_TAIL; i++)
         e->covariance[i * (FV_INERTIAL_TAIL + 1)] = 1e-6;
-    fv_inertial_across(e->shared.down, e->across);
+    fv_inertial_across(e->own.down, e->across);
     s->live.moving = true;
     s->live.variance = 1e-2;
 }

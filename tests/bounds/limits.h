@@ -44,7 +44,7 @@ enum {
     STEREO_STEPS = 5,
     /* inertial/estimator.c: samples and stations of a unit */
     INERTIAL_INTEGRATED = 48,
-    INERTIAL_ELIMINATED = 5,
+    INERTIAL_ELIMINATED = 4,
     INERTIAL_STEPPED = 16,
     /* detect/mask.c; and the masks of YOLOv8 and YOLO11 on pictures of 640 x 640 */
     MASK_PRODUCTS = 1 << 17,

@@ -21,6 +21,9 @@ static const struct fv_imu_biases truth = {{0.03, -0.02, 0.05}, {0.08, -0.05, 0.
 static uint8_t block[BLOCK_BYTES] __attribute__((aligned(64)));
 static struct fv_inertial inertial;
 static struct fv_se3 T_cam_imu;
+/* The map tilts by so much each second, which the estimator is prepared for, or not; from one
+ * station to the next it leaps once, by so many sigmas. */
+static double tilt_rate, tilt_drift, leap;
 
 static void begin(double metric_sigma)
 {
@@ -37,7 +40,7 @@ static void begin(double metric_sigma)
     fv_inertial_carve(&inertial, &config, &arena);
     assert_false(arena.exhausted);
     fv_inertial_init(&inertial);
-    fv_inertial_restart(&inertial, metric_sigma, 1e-8);
+    fv_inertial_restart(&inertial, metric_sigma, 1e-8, tilt_drift * tilt_drift);
 }
 
 enum motion { LIVELY, STEADY, HOVER, SPIN };
@@ -91,7 +94,7 @@ static void sample_at(enum motion motion, double t, struct fv_random *random, do
 }
 
 /* World is turned and in a unit of its own; its gravity. */
-static struct fv_se3 T_world_up;
+static struct fv_se3 T_world_up, T_tilted_up;
 static void station_at(enum motion motion, double t, double noise, struct fv_random *random,
                        struct fv_inertial_pose *pose)
 {
@@ -99,12 +102,17 @@ static void station_at(enum motion motion, double t, double noise, struct fv_ran
     pose_at(motion, t, &T_up_imu);
     fv_se3_invert(&T_cam_imu, &T_imu_cam);
     fv_se3_compose(&T_up_imu, &T_imu_cam, &pose->T_world_cam);
-    fv_se3_compose(&T_world_up, &pose->T_world_cam, &pose->T_world_cam);
+    const double tilted[3] = {0.8 * tilt_rate * t, -0.6 * tilt_rate * t, 0};
+    double tilt[9];
+    fv_so3_exp(tilted, tilt);
+    fv_multiply33(T_world_up.R, tilt, T_tilted_up.R);
+    fv_se3_compose(&T_tilted_up, &pose->T_world_cam, &pose->T_world_cam);
     pose->position_sigma = noise;
     pose->turn_sigma = 5e-4;
     double turn[6] = {0, 0, 0, 0, 0, 0}, E[9], R[9];
     for (int i = 0; i < 3; i++) {
         pose->T_world_cam.t[i] = pose->T_world_cam.t[i] / unit_m + noise * fv_random_normal(random);
+        if (leap != 0 && fabs(t - 4) < 0.1) pose->T_world_cam.t[i] += noise * leap;
         turn[3 + i] = 5e-4 * fv_random_normal(random);
     }
     fv_so3_exp(turn + 3, E);
@@ -151,8 +159,8 @@ static double gravity_error(void)
 {
     const double up[3] = {0, 0, -1};
     double down[3];
-    fv_rotate3(T_world_up.R, up, down);
-    return acos(fv_dot3(down, fv_inertial_result(&inertial)->shared.down));
+    fv_rotate3(T_tilted_up.R, up, down);
+    return acos(fv_dot3(down, fv_inertial_result(&inertial)->own.down));
 }
 
 static void test_lively_motion_gives_scale_and_gravity(void **state)
@@ -198,6 +206,40 @@ static void test_window_moves_on(void **state)
     assert_true(sqrt(off) < 0.03);
     for (int i = 0; i < 3; i++)
         assert_true(fabs(e->own.acceleration_bias[i] - truth.acceleration[i]) < 0.03);
+}
+
+/* Gravity is where the map has it now, though it has tilted by a degree and a half on the way. */
+static void test_gravity_follows_a_map_that_tilts(void **state)
+{
+    (void)state;
+    for (int prepared = 0; prepared < 2; prepared++) {
+        tilt_rate = 2e-3;
+        tilt_drift = prepared ? 2e-3 : 0;
+        begin(0);
+        run(LIVELY, 12, 0.005, 5);
+        tilt_rate = tilt_drift = 0;
+        const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+        assert_true(e->known);
+        if (prepared)
+            assert_true(gravity_error() < 3e-3 && gravity_error() < 3 * 1.42 * e->gravity_sigma);
+        else
+            assert_true(gravity_error() > 6e-3);
+    }
+}
+
+/* One station that is far from where it says leaves the others as they are. */
+static void test_a_station_that_is_far_off_counts_for_less(void **state)
+{
+    (void)state;
+    leap = 60;
+    begin(0);
+    run(LIVELY, 8, 0.005, 7);
+    leap = 0;
+    const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+    assert_true(e->known && e->misfit < 4);
+    assert_true(e->scale_sigma < 0.01);
+    assert_true(fabs(e->own.scale / unit_m - 1) < 4 * e->scale_sigma);
+    assert_true(gravity_error() < 0.01);
 }
 
 static void test_no_scale_without_acceleration(void **state)
@@ -265,7 +307,8 @@ static void test_missing_samples_cut_the_link(void **state)
     run(LIVELY, 8, 0.005, 2);
     fv_random_seed(&random, 9);
     station_at(LIVELY, 10, 0.005, &random, &pose);
-    fv_inertial_add_station(&inertial, 9000000000, &nobody, &pose);
+    for (int k = 0; k < FV_INERTIAL_STATIONS_PER_ESTIMATE; k++)
+        fv_inertial_add_station(&inertial, 9000000000 + k, &nobody, &pose);
     double gyro[3], acceleration[3];
     sample_at(LIVELY, 10.005, &random, gyro, acceleration);
     fv_inertial_take(&inertial, 9005000000, gyro, acceleration);
@@ -302,6 +345,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lively_motion_gives_scale_and_gravity),
         cmocka_unit_test(test_window_moves_on),
+        cmocka_unit_test(test_gravity_follows_a_map_that_tilts),
+        cmocka_unit_test(test_a_station_that_is_far_off_counts_for_less),
         cmocka_unit_test(test_no_scale_without_acceleration),
         cmocka_unit_test(test_metric_poses_at_rest),
         cmocka_unit_test(test_shaking_is_noise),

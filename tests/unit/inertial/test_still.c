@@ -53,8 +53,8 @@ static void go(struct walk *walk, double seconds, double from, double to, bool s
                                          .velocity = fabs(walk->believed),
                                          .velocity_sigma = 0.02,
                                          .of_use = true};
-        fv_se3_identity(&seen.T_world_imu);
-        seen.T_world_imu.t[0] = walk->seen_x + 5e-4 * fv_random_normal(&walk->random);
+        fv_se3_identity(&seen.T_world_cam);
+        seen.T_world_cam.t[0] = walk->seen_x + 5e-4 * fv_random_normal(&walk->random);
         fv_imu_still_see(&walk->still, &seen);
         walk->standing += walk->still.standing;
         walk->believed = stuck ? walk->believed / 2 : v; /* poses pull it along */
@@ -125,7 +125,7 @@ static void rest(struct walk *walk, int samples, double (*more)(int n))
 {
     struct fv_imu_still_seen seen = {
         .depth = 3, .velocity = 0, .velocity_sigma = 0.02, .of_use = true};
-    fv_se3_identity(&seen.T_world_imu);
+    fv_se3_identity(&seen.T_world_cam);
     for (int n = 0; n < samples; n++, walk->now_ns += SAMPLE_NS) {
         struct fv_imu_reading sample = {.stamp_ns = walk->now_ns};
         for (int i = 0; i < 3; i++) {
@@ -191,7 +191,7 @@ static void test_a_known_velocity_needs_a_force_to_end(void **state)
                                          .velocity = slow ? 0.04 : 0.08,
                                          .velocity_sigma = 0.02,
                                          .of_use = true};
-        fv_se3_identity(&seen.T_world_imu);
+        fv_se3_identity(&seen.T_world_cam);
         walk.now_ns = FRAME_NS;
         rest(&walk, 10, NULL); /* what begins has stirred */
         seen.stamp_ns = walk.now_ns;

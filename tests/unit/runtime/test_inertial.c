@@ -213,7 +213,7 @@ static void poses_go_on_without_pictures(void **state)
 static void no_metres_without_motion(void **state)
 {
     (void)state;
-    static const char *const uris[] = {"sim:stand?" SHAPE "seed=3", "sim:rotate?" SHAPE "seed=3"};
+    static const char *const uris[] = {"sim:still?" SHAPE "seed=3", "sim:rotate?" SHAPE "seed=3"};
     for (int i = 0; i < 2; i++) {
         open_rig(uris[i], 80, FOVEA_SENSORS_MONO_INERTIAL);
         while (next(true)) {
