@@ -57,7 +57,7 @@ static void keep_biases(struct fv_inertial_state *s)
     if (!e->known) return;
     double gyro = 0, acceleration = 0;
     for (int i = 0; i < 3; i++) {
-        const int a = FV_INERTIAL_OWN - 3 + i, g = FV_INERTIAL_TAIL - 3 + i;
+        const int a = FV_INERTIAL_ACCELERATION_BIAS + i, g = FV_INERTIAL_TAIL - 3 + i;
         gyro += e->covariance[g * (FV_INERTIAL_TAIL + 1)] / 3;
         acceleration += e->covariance[a * (FV_INERTIAL_TAIL + 1)] / 3;
     }

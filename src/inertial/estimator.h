@@ -57,7 +57,8 @@ enum {
     /* variables of a station: turn, position, velocity, scale, acceleration bias, direction of
      * gravity */
     FV_INERTIAL_OWN = 15,
-    FV_INERTIAL_SHARED = 3, /* of all: gyro bias */
+    FV_INERTIAL_ACCELERATION_BIAS = 10, /* the first of it among these */
+    FV_INERTIAL_SHARED = 3,             /* of all: gyro bias */
     FV_INERTIAL_TAIL = FV_INERTIAL_OWN + FV_INERTIAL_SHARED,
     FV_INERTIAL_PAIR = 2 * FV_INERTIAL_OWN + FV_INERTIAL_SHARED
 };

@@ -505,7 +505,7 @@ static void write_known(struct fv_inertial_known *known, const struct fv_inertia
                         double sigma_least)
 {
     const double sigma2 = e->scale_sigma * e->scale_sigma + sigma_least * sigma_least;
-    const int gyro = FV_INERTIAL_TAIL - 3, acceleration = FV_INERTIAL_OWN - 3;
+    const int gyro = FV_INERTIAL_TAIL - 3, acceleration = FV_INERTIAL_ACCELERATION_BIAS;
     known->claimed = true;
     known->scale = e->own.scale;
     known->scale_sigma = __builtin_sqrt(sigma2);

@@ -1,0 +1,159 @@
+/* What the inertial stage makes of an estimate: how sure what it claims is, and turns by the
+ * sensor. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "geometry/se3.h"
+#include "odometry/odometry.h"
+#include "scale/inertial.h"
+
+enum {
+    BLOCK_BYTES = 4 << 20,
+    TAIL = FV_INERTIAL_TAIL,
+    SCALE = 9,
+    BIAS = 10,
+    DOWN = 13,
+    GYRO = 15 /* columns of the covariance */
+};
+
+static uint8_t block[BLOCK_BYTES] __attribute__((aligned(64)));
+static struct fovea_rig rig;
+static struct fv_inertial_stage stage;
+
+/* An estimate to be judged, each variance of its own; one that was claimed before. */
+static int set_up(void **state)
+{
+    (void)state;
+    struct fv_arena arena;
+    memset(block, 0, sizeof block);
+    fv_se3_to_rows(&(struct fv_se3){.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, rig.imu.T_body_imu);
+    memcpy(rig.cameras[0].T_body_cam, rig.imu.T_body_imu, sizeof rig.imu.T_body_imu);
+    fv_arena_init(&arena, block, sizeof block);
+    fv_inertial_stage_carve(&stage, &rig, 2, &arena);
+    assert_false(arena.exhausted);
+    fv_inertial_stage_init(&stage);
+    struct fv_inertial_estimate *e = &stage.estimator.state->estimate;
+    e->known = true;
+    e->stations = 20;
+    e->misfit = 1;
+    e->own.scale = 2;
+    e->own.down[1] = 1;
+    e->scale_sigma = 1e-4;
+    e->gravity_sigma = 1e-4;
+    for (int k = 0; k < TAIL; k++)
+        e->covariance[k * (TAIL + 1)] = 1e-6 * (k + 1);
+    stage.state->known.claimed = true;
+    return 0;
+}
+
+static void test_what_is_claimed_is_of_the_right_variables(void **state)
+{
+    (void)state;
+    static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
+    struct fv_inertial_estimate *e = &stage.estimator.state->estimate;
+    e->covariance[GYRO * TAIL + BIAS + 1] = e->covariance[(BIAS + 1) * TAIL + GYRO] = 5e-7;
+    for (int i = 0; i < 3; i++) {
+        e->own.acceleration_bias[i] = 0.1 * (i + 1);
+        e->shared.gyro_bias[i] = 0.01 * (i + 1);
+    }
+    fv_inertial_stage_unit(&stage, NULL);
+    const struct fv_inertial_known *known = fv_inertial_stage_known(&stage);
+    assert_true(known->scale == 2);
+    assert_true(known->gravity[0] == 0 && known->gravity[1] > 9.8 && known->gravity[2] == 0);
+    for (int i = 0; i < 3; i++) {
+        assert_true(known->biases.gyro[i] == 0.01 * (i + 1));
+        assert_true(known->biases.acceleration[i] == 0.1 * (i + 1));
+        assert_true(known->bias_covariance[diagonal[i]] == 1e-6 * (GYRO + i + 1));
+        assert_true(known->bias_covariance[diagonal[3 + i]] == 1e-6 * (BIAS + i + 1));
+    }
+    assert_true(known->bias_covariance[4] == 5e-7);
+}
+
+/* However sure the estimate is, a map by one camera has not one unit everywhere. */
+static void test_no_unit_is_surer_than_its_kind(void **state)
+{
+    (void)state;
+    double sigma[2];
+    for (int metric = 0; metric < 2; metric++) {
+        stage.state->metric = metric;
+        fv_inertial_stage_unit(&stage, NULL);
+        sigma[metric] = stage.state->known.scale_sigma;
+    }
+    assert_true(sigma[0] >= 0.01 && sigma[0] < 0.011);
+    assert_true(sigma[1] >= 0.005 && sigma[1] < 0.0055);
+}
+
+/* What the biases are known to outlives the stations. */
+static void test_biases_stay_as_sure_as_they_are(void **state)
+{
+    (void)state;
+    struct fv_inertial_estimate *e = &stage.estimator.state->estimate;
+    for (int k = 0; k < 3; k++)
+        e->covariance[(BIAS + k) * (TAIL + 1)] = 0.04;
+    fv_inertial_restart(&stage.estimator, 0, 1e-8, 1e-8);
+    const double *sigma = stage.estimator.state->bias_sigma;
+    assert_true(sigma[0] > 0.004 && sigma[0] < 0.01);
+    assert_true(sigma[1] > 0.4 && sigma[1] < 0.5);
+}
+
+/* The rate is less the bias as estimated now, which no claim and no pose has taken over yet; it
+ * serves slow turns once that is known. */
+static void test_turns_wait_for_the_bias_and_use_it_at_once(void **state)
+{
+    (void)state;
+    struct fv_inertial_estimate *e = &stage.estimator.state->estimate;
+    struct fv_inertial_live *live = &stage.state->live;
+    double rate[3];
+    live->any_sample = true;
+    live->gyro[0] = 0.06;
+    live->sum.biases.gyro[0] = 0.01;
+    e->shared.gyro_bias[0] = 0.05;
+    for (int i = 0; i < 3; i++)
+        e->covariance[(GYRO + i) * (TAIL + 1)] = 0.005 * 0.005;
+    assert_true(fv_inertial_stage_rate(&stage, 0, rate));
+    assert_true(rate[0] > 0.0099 && rate[0] < 0.0101);
+    for (int i = 0; i < 3; i++)
+        e->covariance[(GYRO + i) * (TAIL + 1)] = 0.03 * 0.03;
+    assert_false(fv_inertial_stage_rate(&stage, 0, rate));
+    live->gyro[0] = 1;
+    assert_true(fv_inertial_stage_rate(&stage, 0, rate));
+    live->gyro[0] = 0.06;
+    stage.estimator.state->bias_sigma[0] = 0.005; /* a map before knew it */
+    e->known = false;
+    assert_true(fv_inertial_stage_rate(&stage, 0, rate));
+    assert_true(rate[0] > 0.0499 && rate[0] < 0.0501);
+}
+
+/* What a frame errs by alone: in the unit of the world, and nothing without a pose. */
+static void test_own_sigmas_are_in_the_unit_of_the_world(void **state)
+{
+    (void)state;
+    static struct fv_odometry_state s;
+    const struct fv_odometry odometry = {.state = &s};
+    double position, turn;
+    s.covariance.own_position = 0.02;
+    s.covariance.own_turn = 0.001;
+    s.pose.map_scale = 4;
+    fv_odometry_own_sigmas(&odometry, &position, &turn);
+    assert_true(position == 0 && turn == 0);
+    s.pose.posed = true;
+    fv_odometry_own_sigmas(&odometry, &position, &turn);
+    assert_true(position == 0.005 && turn == 0.001);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(test_what_is_claimed_is_of_the_right_variables, set_up),
+        cmocka_unit_test_setup(test_no_unit_is_surer_than_its_kind, set_up),
+        cmocka_unit_test_setup(test_biases_stay_as_sure_as_they_are, set_up),
+        cmocka_unit_test_setup(test_turns_wait_for_the_bias_and_use_it_at_once, set_up),
+        cmocka_unit_test_setup(test_own_sigmas_are_in_the_unit_of_the_world, set_up),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
