@@ -169,8 +169,8 @@ static void connect_part(const struct fv_nn_call *call, const struct fv_nn_gemm 
                          int32_t part)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
-    const int32_t first = (int32_t)((int64_t)c->k4 * part / c->parts),
-                  end = (int32_t)((int64_t)c->k4 * (part + 1) / c->parts);
+    const int32_t first = (int32_t)fv_nn_part_first(c->k4, part, c->parts),
+                  end = (int32_t)fv_nn_part_first(c->k4, part + 1, c->parts);
     const uint8_t *in = call->in[0] + (ptrdiff_t)row * c->image.in_stride + (ptrdiff_t)first * 4;
     int32_t *sums = (int32_t *)(void *)call->scratch;
     if (part == 0) memcpy(sums, gemm->bias, (size_t)(gemm->n + 15) / 16 * 64);

@@ -104,9 +104,9 @@ static int select_part(const struct state *s, int32_t limit, int32_t part, int32
         run->next++;
     if (run->next >= run->total || run->selected >= limit) return 0;
     const int32_t chosen = s->order[run->next], first = run->next + 1;
-    const int64_t behind = run->total - first;
-    const int32_t end = first + (int32_t)(behind * (part + 1) / parts);
-    for (int32_t j = first + (int32_t)(behind * part / parts); j < end; j++) {
+    const int32_t behind = run->total - first,
+                  end = first + (int32_t)fv_nn_part_first(behind, part + 1, parts);
+    for (int32_t j = first + (int32_t)fv_nn_part_first(behind, part, parts); j < end; j++) {
         if (!s->active[j]) continue;
         const float iou =
             overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);

@@ -229,8 +229,8 @@ static struct fv_nn_gemm columns_of(const struct fv_op_matmul *p, struct fv_nn_g
                                     int32_t part, int32_t *first)
 {
     const int32_t blocks = (p->n + 15) / 16, parts = p->parts > 1 ? p->parts : 1;
-    const int32_t from = (int32_t)((int64_t)blocks * part / parts),
-                  end = (int32_t)((int64_t)blocks * (part + 1) / parts);
+    const int32_t from = (int32_t)fv_nn_part_first(blocks, part, parts),
+                  end = (int32_t)fv_nn_part_first(blocks, part + 1, parts);
     *first = from * 16;
     gemm.n = (end * 16 < p->n ? end * 16 : p->n) - *first;
     gemm.weights += (ptrdiff_t)from * gemm.k4 * 64;

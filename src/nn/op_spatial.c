@@ -186,8 +186,9 @@ static void pool_part(const struct fv_nn_call *call, int32_t row, int32_t part)
 {
     const struct fv_op_pool *p = &call->op->u.pool;
     const int32_t taps = p->window.kh * p->window.kw;
-    const int64_t all = (int64_t)p->image.out_w * taps, end = all * (part + 1) / p->parts;
-    for (int64_t at = all * part / p->parts; at < end;) {
+    const int64_t all = (int64_t)p->image.out_w * taps,
+                  end = fv_nn_part_first(all, part + 1, p->parts);
+    for (int64_t at = fv_nn_part_first(all, part, p->parts); at < end;) {
         const int32_t begin = (int32_t)(at % taps);
         const int32_t past = end - at < taps - begin ? begin + (int32_t)(end - at) : taps;
         pool_taps(call, row, (int32_t)(at / taps), begin, past);
@@ -285,8 +286,8 @@ static void reduce_part(const struct fv_nn_call *call, int32_t row, int32_t part
     const struct fv_op_reduce *p = &call->op->u.reduce;
     const int32_t most = lanes_of(p);
     const int64_t all = ((int64_t)p->dims[3] + most - 1) / most * p->elements,
-                  end = all * (part + 1) / p->parts;
-    for (int64_t at = all * part / p->parts; at < end;) {
+                  end = fv_nn_part_first(all, part + 1, p->parts);
+    for (int64_t at = fv_nn_part_first(all, part, p->parts); at < end;) {
         const int32_t first = (int32_t)(at / p->elements) * most,
                       begin = (int32_t)(at % p->elements);
         const int32_t past =

@@ -60,6 +60,13 @@ fv_nn_op_fn fv_nn_op_conv, fv_nn_op_depthwise, fv_nn_op_binary, fv_nn_op_pool, f
     fv_nn_op_dequantize, fv_nn_op_quantize, fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_detection,
     fv_nn_op_normalise;
 
+/* Where part `part` of `parts` (0 to `parts`) begins among `all` pieces of work, as even as can be:
+ * all x part / parts, rounded down. That product has too many bits where both numbers are large. */
+static inline int64_t fv_nn_part_first(int64_t all, int32_t part, int32_t parts)
+{
+    return all / parts * part + all % parts * part / parts;
+}
+
 /* LiteRT's fully connected layer: acc times a double, of which `low` and `high` are the words,
  * rounded once, halves away from zero; within +-100000. */
 int32_t fv_nn_scale_once(int32_t acc, int32_t low, int32_t high);

@@ -319,6 +319,39 @@ static void in_any_parts(void **state)
     assert_int_equal(checked, 9 * FV_CPU_SET_COUNT);
 }
 
+/* As many parts as a file may ask for, of as many taps as a row may have: the last part is the last
+ * taps, which finish the last pixel. All of the image but one pixel is padding, and reads as the
+ * least of the range. */
+static void as_many_parts_as_there_may_be(void **state)
+{
+    enum { PIXELS = 1 << 20, SIDE = 1 << 10, PARTS = INT32_MAX, LEAST = 7, SEVERAL = 5000 };
+    (void)state;
+    struct fv_kernels kernels;
+    struct fv_model_op op = {.rows = PARTS};
+    struct fv_op_pool *p = &op.u.pool;
+    uint8_t in[64] = {0}, *out = calloc(PIXELS, 1);
+    assert_non_null(out);
+    fv_kernels_init(&kernels, FV_CPU_C);
+    p->image = (struct fv_op_image){.batch = 1,
+                                    .in_h = 1,
+                                    .in_w = 1,
+                                    .in_c = 1,
+                                    .in_stride = 1,
+                                    .out_h = 1,
+                                    .out_w = PIXELS,
+                                    .out_c = 1,
+                                    .out_stride = 1};
+    p->window = (struct fv_op_window){SIDE, SIDE, 1, 1, 1, 1, 0, 0};
+    p->act_min = LEAST;
+    p->act_max = 255;
+    p->parts = PARTS;
+    const struct fv_nn_call call = {.kernels = &kernels, .op = &op, .in = {in}, .out = {out}};
+    fv_nn_op_pool(&call, PARTS - SEVERAL, PARTS);
+    for (int32_t i = 0; i < PIXELS; i++)
+        assert_int_equal(out[i], i < PIXELS - 3 ? 0 : LEAST);
+    free(out);
+}
+
 /* Columns of a product are packed together or in any smaller number. */
 static void packed_in_any_number(void **state)
 {
@@ -372,6 +405,7 @@ int main(void)
         cmocka_unit_test(suppression_in_any_steps),
         cmocka_unit_test(columns_of_convolutions),
         cmocka_unit_test(in_any_parts),
+        cmocka_unit_test(as_many_parts_as_there_may_be),
         cmocka_unit_test(packed_in_any_number),
         cmocka_unit_test(parts_of_an_earlier_version),
     };
