@@ -25,8 +25,7 @@ void fv_imu_input_open(struct fv_imu_input *input, const struct fv_settings *set
 /* What to add to CLOCK_MONOTONIC for the frames' clock. */
 static int64_t from_monotonic(enum fovea_clock clock)
 {
-    const clockid_t of = fv_clock_of(clock);
-    return of == CLOCK_MONOTONIC ? 0 : fv_clock_ns(of) - fv_clock_ns(CLOCK_MONOTONIC);
+    return fv_clock_ahead_ns(fv_clock_of(clock));
 }
 
 /* With its stamp on the frames' clock. */
