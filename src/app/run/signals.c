@@ -30,6 +30,7 @@ struct watch {
     struct fv_stall reported; /* the stalled call of the last line; id 0: it has gone on */
     int64_t opening_cpu_ns;   /* of opening_cpu, when it was last seen to compute */
     int idle_looks;           /* at what is being opened since then, or since the signal */
+    int looks;                /* likewise since the signal */
 };
 
 static void handle(int number)
@@ -123,18 +124,21 @@ static void end_stalled(const struct watch *watch, const struct fv_stall *call, 
     _exit(FV_EXIT_FAILED);
 }
 
-/* Whether what is being opened when the signal comes has had its time. What computes goes on, and
- * time in which this program has no processor is no time of it: looks are counted. */
+/* Whether what is being opened when the signal comes has had its time. What computes goes on, but
+ * not for ever: it may ask again and again for what never comes. Time in which this program has no
+ * processor is no time of it: looks are counted. */
 static bool opening_hangs(struct watch *watch)
 {
     const int64_t cpu_ns = fv_clock_ns(opening_cpu);
     if (atomic_load(&opened)) return false;
     watch->idle_looks++;
+    watch->looks = watch->first == 0 ? 0 : watch->looks + 1;
     if (watch->first == 0 || cpu_ns - watch->opening_cpu_ns >= FV_STALL_COMPUTES_NS) {
         watch->opening_cpu_ns = cpu_ns;
         watch->idle_looks = 0;
     }
-    return watch->idle_looks * LOOK_MS >= FV_SIGNALS_PATIENCE_MS;
+    return watch->idle_looks * LOOK_MS >= FV_SIGNALS_PATIENCE_MS ||
+           watch->looks * LOOK_MS >= FV_SIGNALS_DISK_MS;
 }
 
 static void look(struct watch *watch, int64_t now)

@@ -12,7 +12,7 @@
  * FV_SIGNALS_DISK_MS, and nothing else was written in that time, the program ends with
  * FV_EXIT_FAILED and a line that says what is lost. FV_SIGNALS_PATIENCE_MS in which it does not
  * compute, though this program has the processor, are left to what is still being opened when the
- * signal comes; then the signal ends the program. */
+ * signal comes, and FV_SIGNALS_DISK_MS in all; then the signal ends the program. */
 #ifndef FOVEA_APP_RUN_SIGNALS_H
 #define FOVEA_APP_RUN_SIGNALS_H
 
