@@ -240,6 +240,14 @@ static int hold(const char *path, const char *text)
     return -1;
 }
 
+static void wait_until_opened(int held)
+{
+    int64_t end_ns = 0;
+    while (fcntl(held, F_GETLEASE) == F_WRLCK && fv_test_patient(&end_ns, 10)) {
+    }
+    assert_int_not_equal(fcntl(held, F_GETLEASE), F_WRLCK);
+}
+
 /* While things are opened, here the calibration: that goes on, no frame comes any more, all that
  * was asked for is written, and a map of an earlier run is not replaced by one of nothing. */
 static void test_signals_before_the_first_frame(void **state)
@@ -261,8 +269,7 @@ static void test_signals_before_the_first_frame(void **state)
         const int held = hold(camera, calibration);
         if (held < 0) return;
         pid_t child = begin(source, options);
-        while (fcntl(held, F_GETLEASE) == F_WRLCK) /* the program opens it */
-            usleep(10000);
+        wait_until_opened(held);
         kill(child, signals[i]);
         usleep(100000);
         if (i == 1) { /* time without a processor is no time that it was given */
@@ -298,8 +305,7 @@ static void test_signals_end_the_set_up(void **state)
         const int held = hold(camera, "never read");
         if (held < 0) return;
         pid_t child = begin("sim:still", waiting), ended = 0;
-        while (fcntl(held, F_GETLEASE) == F_WRLCK)
-            usleep(10000);
+        wait_until_opened(held);
         kill(child, signals[i]);
         int64_t end_ns = 0;
         while ((ended = waitpid(child, &status, WNOHANG)) == 0 && fv_test_patient(&end_ns, 100)) {
