@@ -395,18 +395,21 @@ static void reduce(struct fv_inertial_state *state, const struct fv_inertial_sta
     }
 }
 
-/* A scale that is hardly known is not handed on: where none can be seen the estimate goes to 0,
- * which holds of nothing that comes later. */
-static void hand_on(struct fv_inertial *inertial)
+/* What the tail says once station `i`, one of the oldest, is eliminated. A scale that is hardly
+ * known is not handed on: where none can be seen the estimate goes to 0, which holds of nothing
+ * that comes later. */
+static void hand_on(struct fv_inertial *inertial, uint32_t i)
 {
     struct fv_inertial_state *state = inertial->state;
-    state->handed = state->estimate.known && state->estimate.scale_sigma < handed_sigma_max;
-    if (!state->handed) return;
-    state->hand_on.known = true;
-    memcpy(state->hand_on.H, state->tail, sizeof state->tail);
-    memcpy(state->hand_on.g, state->tail_gradient, sizeof state->tail_gradient);
-    state->hand_on.own = fv_inertial_station_at(inertial, 1)->now;
-    state->hand_on.shared = state->shared;
+    struct fv_inertial_prior *prior = &state->hand_on[i];
+    const bool sure = state->estimate.known && state->estimate.scale_sigma < handed_sigma_max;
+    if (i == 0) state->handed = sure ? FV_INERTIAL_STATIONS_PER_ESTIMATE : 0;
+    if (state->handed == 0) return;
+    prior->known = true;
+    memcpy(prior->H, state->tail, sizeof state->tail);
+    memcpy(prior->g, state->tail_gradient, sizeof state->tail_gradient);
+    prior->own = fv_inertial_station_at(inertial, i + 1)->now;
+    prior->shared = state->shared;
 }
 
 bool fv_inertial_eliminate(struct fv_inertial *inertial, uint32_t i)
@@ -441,7 +444,7 @@ bool fv_inertial_eliminate(struct fv_inertial *inertial, uint32_t i)
     for (int r = 0; r < OWN; r++) /* what its step saves */
         state->square -= station->gradient[r] * column[r];
     state->errors += LINK + 6 + 6 - OWN;
-    if (i == 0) hand_on(inertial);
+    if (i < FV_INERTIAL_STATIONS_PER_ESTIMATE) hand_on(inertial, i);
     return true;
 }
 

@@ -18,6 +18,11 @@ enum {
     DOWN = 13 /* first of gravity's direction among a station's variables */
 };
 
+/* What the oldest stations hand on comes of one unit, so it is of one pass. */
+_Static_assert(ELIMINATED_PER_UNIT >= (int)FV_INERTIAL_STATIONS_PER_ESTIMATE &&
+                   STATIONS_MIN > (int)FV_INERTIAL_STATIONS_PER_ESTIMATE,
+               "a unit eliminates all that may have to go");
+
 static const int64_t gap_max_ns = 60000000; /* between samples */
 /* Of biases, from those that a link was summed with: beyond, its samples are summed again. */
 static const double far_gyro = 5e-3, far_acceleration = 0.3;
@@ -78,8 +83,8 @@ void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, doub
     keep_biases(s);
     s->first = s->count = 0;
     s->phase = FV_INERTIAL_IDLE;
-    s->waiting = 0;
-    s->handed = s->prior.known = s->estimate.known = false;
+    s->waiting = s->handed = 0;
+    s->prior.known = s->estimate.known = false;
 }
 
 /* ---- stations and samples -------------------------------------------------------------------- */
@@ -211,10 +216,10 @@ static void drop_oldest(struct fv_inertial_state *s)
 {
     s->first = (s->first + 1) % FV_INERTIAL_STATIONS_MAX;
     s->count--;
+    if (s->phase != FV_INERTIAL_IDLE) s->waiting = FV_INERTIAL_STATIONS_PER_ESTIMATE; /* again */
     s->phase = FV_INERTIAL_IDLE;
     s->prior.known = false;
-    if (s->handed) s->prior = s->hand_on;
-    s->handed = false;
+    if (s->handed > 0) s->prior = s->hand_on[FV_INERTIAL_STATIONS_PER_ESTIMATE - s->handed--];
 }
 
 /* The newest station's samples so far: those that the one before has of its time, and the last
@@ -384,7 +389,8 @@ static void skip_cuts(struct fv_inertial *inertial)
     keep_biases(s);
     s->first = slot_of(inertial, behind);
     s->count -= behind;
-    s->prior.known = s->handed = s->estimate.known = false;
+    s->handed = 0;
+    s->prior.known = s->estimate.known = false;
 }
 
 void fv_inertial_begin(struct fv_inertial *inertial)
@@ -426,8 +432,8 @@ static void give_up(struct fv_inertial *inertial)
 {
     for (uint32_t i = 0; i < inertial->state->count; i++)
         memset(&fv_inertial_station_at(inertial, i)->now, 0, sizeof(struct fv_inertial_own));
-    inertial->state->prior.known = inertial->state->handed = false;
-    inertial->state->estimate.known = false;
+    inertial->state->handed = 0;
+    inertial->state->prior.known = inertial->state->estimate.known = false;
     inertial->state->phase = FV_INERTIAL_IDLE;
 }
 

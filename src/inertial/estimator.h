@@ -13,7 +13,8 @@
  * the first step, from no velocity and a scale of 1, is linear in scale and velocities and so is
  * the closed form of L. von Stumberg et al. and others. Stations are eliminated from the oldest on
  * (a Kalman smoother in information form): what is left of the newest is its covariance. A station
- * that makes room hands what it knew on as a prior, at the values it was linearised at.
+ * that makes room hands what it knew on as a prior, at the values it was linearised at: so do as
+ * many as may have to go until the next estimate.
  *
  * Errors of stations are taken for independent, so their sigma is to be that of what each frame
  * errs by alone, and no more. With errors on both sides, of poses and of samples, a fit is right
@@ -164,16 +165,16 @@ struct fv_inertial_state {
     enum fv_inertial_phase phase;
     uint32_t taking_part;     /* stations of this pass, from the oldest on */
     uint32_t next, iteration; /* of the pass */
-    bool moved_far;           /* the last step did, so another is worth while */
-    bool handed;              /* `hand_on` is of this window's oldest station */
-    double square;            /* sum of the squared errors */
-    uint32_t errors;          /* their number less that of the variables */
+    uint32_t handed; /* the last so many of `hand_on` are of this window's oldest stations */
+    bool moved_far;  /* the last step did, so another is worth while */
+    double square;   /* sum of the squared errors */
+    uint32_t errors; /* their number less that of the variables */
     double tail[FV_INERTIAL_TAIL * FV_INERTIAL_TAIL], tail_gradient[FV_INERTIAL_TAIL];
     double solution[FV_INERTIAL_TAIL]; /* of the station after `next`, and the shared */
     struct fv_inertial_shared shared;
     double gyro_bias[3], acceleration_bias[3], down[3]; /* to begin with */
     double bias_sigma[2];                               /* gyro, acceleration */
-    struct fv_inertial_prior prior, hand_on;
+    struct fv_inertial_prior prior, hand_on[FV_INERTIAL_STATIONS_PER_ESTIMATE];
     struct fv_inertial_estimate estimate;
     double scale_drift;        /* squared, relative, per second */
     double tilt_drift;         /* squared, rad of an axis, per second */

@@ -113,7 +113,7 @@ static void of_elimination(struct estimating *w, bool prior)
     struct fv_inertial_state *s = w->inertial->state;
     inertial_case_fill(w->rt, STATIONS);
     fv_inertial_begin(w->inertial);
-    s->prior = s->hand_on;
+    s->prior = s->hand_on[0];
     s->prior.known = prior;
     while (s->phase == FV_INERTIAL_INTEGRATE)
         (void)fv_inertial_unit(w->inertial);
@@ -126,7 +126,7 @@ static void of_elimination(struct estimating *w, bool prior)
         s->estimate.scale_sigma = 1e-3; /* so that the oldest hands on what it knows */
         s->estimate.known = true;
     }
-    MUST(s->handed);
+    MUST(s->handed > 0);
 }
 
 /* As many stations as go back in one unit: it begins with the newest and ends the estimate, which

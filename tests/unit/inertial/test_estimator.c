@@ -43,12 +43,14 @@ static void begin(double metric_sigma)
     fv_inertial_restart(&inertial, metric_sigma, 1e-8, tilt_drift * tilt_drift);
 }
 
-enum motion { LIVELY, STEADY, HOVER, SPIN };
+enum motion { LIVELY, LIVELY_THEN_HOVER, STEADY, HOVER, SPIN };
 
 /* Attitude and position of the sensor, z up. */
 static void pose_at(enum motion motion, double t, struct fv_se3 *T)
 {
-    const double lively = motion == LIVELY, spin = motion == LIVELY || motion == SPIN;
+    const double stop = 9, lively = motion == LIVELY || motion == LIVELY_THEN_HOVER,
+                 spin = lively || motion == SPIN;
+    if (motion == LIVELY_THEN_HOVER && t > stop) t = stop + 0.5 * (1 - exp(2 * (stop - t)));
     const double turn[3] = {0.3 * spin * sin(1.3 * t), 0.2 * spin * sin(0.9 * t + 1),
                             0.6 * spin * sin(0.7 * t)};
     fv_so3_exp(turn, T->R);
@@ -120,11 +122,13 @@ static void station_at(enum motion motion, double t, double noise, struct fv_ran
     memcpy(pose->T_world_cam.R, R, sizeof R);
 }
 
+static bool prior_known; /* when the last estimate began */
 static void estimate(void)
 {
     uint32_t units = 0;
     if (!fv_inertial_wanted(&inertial)) return;
     fv_inertial_begin(&inertial);
+    prior_known = inertial.state->prior.known;
     while (fv_inertial_busy(&inertial)) {
         (void)fv_inertial_unit(&inertial);
         assert_true(++units < 1000);
@@ -195,7 +199,7 @@ static void test_window_moves_on(void **state)
     run(LIVELY, 30, 0.005, 3);
     const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
     assert_true(e->known && e->stations == FV_INERTIAL_STATIONS_MAX - 1);
-    assert_true(inertial.state->prior.known);
+    assert_true(prior_known && inertial.state->prior.known);
     assert_true(fabs(e->own.scale / unit_m - 1) < 4 * e->scale_sigma);
     assert_true(e->scale_sigma < 0.006);
     double v[3], turned[3], off = 0;
@@ -206,6 +210,38 @@ static void test_window_moves_on(void **state)
     assert_true(sqrt(off) < 0.03);
     for (int i = 0; i < 3; i++)
         assert_true(fabs(e->own.acceleration_bias[i] - truth.acceleration[i]) < 0.03);
+}
+
+/* What was learnt while the camera moved holds once those stations are gone and it hovers. */
+static void test_what_left_the_window_is_not_forgotten(void **state)
+{
+    (void)state;
+    begin(0);
+    run(LIVELY_THEN_HOVER, 36, 0.005, 3);
+    const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+    assert_true(prior_known && e->known);
+    assert_true(e->scale_sigma < 0.01);
+    assert_true(fabs(e->own.scale / unit_m - 1) < 4 * e->scale_sigma);
+}
+
+/* An estimate that a station ends, since it needs the oldest's place, is made anew at once. */
+static void test_an_estimate_that_is_broken_off_is_made_anew(void **state)
+{
+    (void)state;
+    const struct fv_inertial_owner nobody = {.slot = 0};
+    struct fv_random random;
+    struct fv_inertial_pose pose;
+    begin(0);
+    run(LIVELY, 24.5, 0.005, 3);
+    assert_int_equal(inertial.state->count, FV_INERTIAL_STATIONS_MAX);
+    assert_false(fv_inertial_wanted(&inertial));
+    fv_random_seed(&random, 9);
+    station_at(LIVELY, 25.6, 0.005, &random, &pose);
+    fv_inertial_begin(&inertial);
+    assert_true(fv_inertial_unit(&inertial));
+    fv_inertial_add_station(&inertial, 24600000000, &nobody, &pose);
+    assert_false(fv_inertial_busy(&inertial));
+    assert_true(fv_inertial_wanted(&inertial));
 }
 
 /* Gravity is where the map has it now, though it has tilted by a degree and a half on the way. */
@@ -345,6 +381,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lively_motion_gives_scale_and_gravity),
         cmocka_unit_test(test_window_moves_on),
+        cmocka_unit_test(test_what_left_the_window_is_not_forgotten),
+        cmocka_unit_test(test_an_estimate_that_is_broken_off_is_made_anew),
         cmocka_unit_test(test_gravity_follows_a_map_that_tilts),
         cmocka_unit_test(test_a_station_that_is_far_off_counts_for_less),
         cmocka_unit_test(test_no_scale_without_acceleration),
