@@ -6,6 +6,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
+#include "base/elementary.h"
 #include "common/nn_golden.h"
 #include "common/nn_mutant.h"
 #include "nn/run.h"
@@ -319,6 +320,62 @@ static void in_any_parts(void **state)
     assert_int_equal(checked, 9 * FV_CPU_SET_COUNT);
 }
 
+static const struct nn_golden_model *golden_of(const char *name)
+{
+    const struct nn_golden_model *g = golden.models;
+    while (strcmp(g->name, name) != 0)
+        assert_true(++g < golden.models + golden.count);
+    return g;
+}
+
+/* Fewer than one part, more than there may be, or rows that are not theirs. */
+static void parts_that_are_refused(void **state)
+{
+    static const char *const no_parts = "not of this version of the format";
+    (void)state;
+    struct fv_model model;
+    for (int i = 0; i < golden.count; i++) {
+        const struct nn_golden_model *g = &golden.models[i];
+        int32_t whole, others, most;
+        struct fv_model_op *op;
+        if (!is_in_parts(g)) continue;
+        uint8_t *data = file_of(g, &op);
+        *parts_of(op, &whole, &others, &most) = -1;
+        op->rows = others + whole;
+        assert_null(opened(g, data, &model, no_parts));
+        data = file_of(g, &op);
+        *parts_of(op, &whole, &others, &most) = most + 1;
+        op->rows = others + whole * (most + 1);
+        assert_null(opened(g, data, &model, no_parts));
+        for (int sign = -1; sign <= 1; sign += 2) {
+            data = file_of(g, &op);
+            const struct fv_op_detection *p = &op->u.detection;
+            const int classes = op->kind == FV_OP_DETECTION && p->regular_nms;
+            op->rows += sign * (classes ? p->classes * p->parts : 1); /* a step of each */
+            assert_null(opened(g, data, &model, ": rows "));
+        }
+    }
+}
+
+/* Only a fully connected layer has its products in parts, whose results are rounded once. */
+static void parts_of_another_layer(void **state)
+{
+    (void)state;
+    const struct nn_golden_model *g = golden_of("FULLY_CONNECTED in parts");
+    struct fv_model_op *op;
+    struct fv_model model;
+    uint8_t *data = file_of(g, &op);
+    op->u.conv.single_rounding = 0;
+    assert_null(opened(g, data, &model, "or not for this layer"));
+    data = file_of(g, &op);
+    struct fv_op_conv *p = &op->u.conv; /* the same pixels, in a row */
+    assert_true(p->image.in_h > 1 && p->image.in_w == 1);
+    op->rows = p->parts;
+    p->image.in_w = p->image.out_w = p->image.in_h;
+    p->image.in_h = p->image.out_h = 1;
+    assert_null(opened(g, data, &model, "or not for this layer"));
+}
+
 /* As many parts as a file may ask for, of as many taps as a row may have: the last part is the last
  * taps, which finish the last pixel. All of the image but one pixel is padding, and reads as the
  * least of the range. */
@@ -356,9 +413,7 @@ static void as_many_parts_as_there_may_be(void **state)
 static void packed_in_any_number(void **state)
 {
     (void)state;
-    const struct nn_golden_model *g = golden.models;
-    while (strcmp(g->name, "BATCH_MATMUL in parts") != 0)
-        assert_true(++g < golden.models + golden.count);
+    const struct nn_golden_model *g = golden_of("BATCH_MATMUL in parts");
     struct fv_kernels kernels;
     struct fv_model model;
     fv_kernels_init(&kernels, FV_CPU_C);
@@ -375,6 +430,51 @@ static void packed_in_any_number(void **state)
         if (data != NULL) check_run(g, &model, &kernels, rows);
         free(data);
     }
+}
+
+/* A matrix whose columns are packed gives the product of the same one whose rows are. */
+static void packed_by_rows_and_by_columns(void **state)
+{
+    enum { M = 3, K = 131, N = 37, N16 = 48, K4 = 33, PACK = 4 };
+    static uint8_t a[M * K + 64], by_rows[K * N + 64], by_columns[N * K + 64], out[2][M * N + 64];
+    (void)state;
+    struct fv_kernels kernels;
+    struct fv_random random;
+    fv_random_seed(&random, 9);
+    for (int i = 0; i < M * K; i++)
+        a[i] = (uint8_t)fv_random_below(&random, 256);
+    for (int k = 0; k < K; k++) {
+        for (int j = 0; j < N; j++)
+            by_columns[j * K + k] = by_rows[k * N + j] = (uint8_t)fv_random_below(&random, 256);
+    }
+    fv_kernels_init(&kernels, FV_CPU_C);
+    for (int way = 0; way < 2; way++) {
+        struct fv_model_op op = {.rows = N16 / PACK + M};
+        struct fv_op_matmul *p = &op.u.matmul;
+        *p = (struct fv_op_matmul){.batch = {1, 1},
+                                   .m = M,
+                                   .k = K,
+                                   .n = N,
+                                   .a_row = K,
+                                   .b_row = way == 0 ? N : 1,
+                                   .b_column = way == 0 ? 1 : K,
+                                   .zero_a = 120,
+                                   .zero_b = 130,
+                                   .zero_out = 128,
+                                   .multiplier = 1 << 30,
+                                   .shift = -10,
+                                   .pack = PACK};
+        const struct fv_nn_call call = {.kernels = &kernels,
+                                        .op = &op,
+                                        .in = {a, way == 0 ? by_rows : by_columns},
+                                        .out = {out[way]},
+                                        .scratch = aligned_alloc(64, N16 * (K4 * 4 + 12))};
+        assert_non_null(call.scratch);
+        fv_nn_op_matmul(&call, 0, op.rows);
+        free(call.scratch);
+    }
+    assert_memory_equal(out[0], out[1], M * N);
+    assert_int_not_equal(out[0][0], out[0][1]);
 }
 
 /* A file of a version that had no parts is refused, as is one whose scratch is too small. */
@@ -405,8 +505,11 @@ int main(void)
         cmocka_unit_test(suppression_in_any_steps),
         cmocka_unit_test(columns_of_convolutions),
         cmocka_unit_test(in_any_parts),
+        cmocka_unit_test(parts_that_are_refused),
+        cmocka_unit_test(parts_of_another_layer),
         cmocka_unit_test(as_many_parts_as_there_may_be),
         cmocka_unit_test(packed_in_any_number),
+        cmocka_unit_test(packed_by_rows_and_by_columns),
         cmocka_unit_test(parts_of_an_earlier_version),
     };
     return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
