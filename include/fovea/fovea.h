@@ -429,6 +429,10 @@ void fovea_calibration_get(const struct fovea *rt, struct fovea_calibration *cal
 /* What became of the samples of the inertial sensor, as of the last step. Loop thread. */
 void fovea_imu_status_get(const struct fovea *rt, struct fovea_imu_status *status);
 
+/* Metres per unit of a map, as its poses in `fovea_keyframe` are: of the map as a whole, where
+ * `fovea_pose.scale` is that of the place; 0: not known, or no such map. Bounded. Loop thread. */
+double fovea_map_scale_get(const struct fovea *rt, uint32_t map_id);
+
 /* Keyframes of the map by slot, the first `count_max` of odometry.keyframes slots; returns how many
  * were written. A slot whose number has changed holds another keyframe. Bounded. Loop thread. */
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

@@ -83,6 +83,8 @@ void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, doub
     keep_biases(s);
     s->first = s->count = 0;
     s->phase = FV_INERTIAL_IDLE;
+    s->gone_log_scale = 0;
+    s->gone = 0;
     s->waiting = s->handed = 0;
     s->prior.known = s->estimate.known = false;
 }
@@ -212,8 +214,14 @@ void fv_inertial_jump(struct fv_inertial *inertial)
             cut(inertial, fv_inertial_station_at(inertial, i));
 }
 
-static void drop_oldest(struct fv_inertial_state *s)
+static void drop_oldest(struct fv_inertial *inertial)
 {
+    struct fv_inertial_state *s = inertial->state;
+    const double scale = fv_inertial_station_at(inertial, 0)->now.scale;
+    if (s->estimate.known && scale > 0) {
+        s->gone_log_scale += fv_log(scale);
+        s->gone++;
+    }
     s->first = (s->first + 1) % FV_INERTIAL_STATIONS_MAX;
     s->count--;
     if (s->phase != FV_INERTIAL_IDLE) s->waiting = FV_INERTIAL_STATIONS_PER_ESTIMATE; /* again */
@@ -240,7 +248,7 @@ void fv_inertial_add_station(struct fv_inertial *inertial, int64_t stamp_ns,
                              const struct fv_inertial_pose *pose)
 {
     struct fv_inertial_state *s = inertial->state;
-    if (s->count == FV_INERTIAL_STATIONS_MAX) drop_oldest(s);
+    if (s->count == FV_INERTIAL_STATIONS_MAX) drop_oldest(inertial);
     if (s->count > 1 && !fv_inertial_station_at(inertial, s->count - 2)->closed)
         cut(inertial, fv_inertial_station_at(inertial, s->count - 2));
     struct fv_inertial_station *station = fv_inertial_station_at(inertial, s->count++);
@@ -503,6 +511,10 @@ static void finish(struct fv_inertial *inertial)
     e->stations = s->taking_part;
     e->scale_sigma = __builtin_sqrt(C[scale]) / e->own.scale;
     e->gravity_sigma = __builtin_sqrt((C[down] + C[down + FV_INERTIAL_TAIL + 1]) / 2);
+    e->log_scale = s->gone_log_scale;
+    for (uint32_t i = 0; i < s->taking_part; i++)
+        e->log_scale += fv_log(fv_inertial_station_at(inertial, i)->now.scale);
+    e->log_scale /= (double)(s->gone + s->taking_part);
     e->known = true;
     if (s->taking_part >= STATIONS_TO_CORRECT) correct_sigmas(inertial);
     s->phase = FV_INERTIAL_IDLE;

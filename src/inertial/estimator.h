@@ -147,7 +147,8 @@ struct fv_inertial_estimate {
      * `across`) and shared (gyro bias), row-major, inflated by the misfit */
     double covariance[FV_INERTIAL_TAIL * FV_INERTIAL_TAIL];
     double across[2][3];
-    double scale_sigma;   /* relative */
+    double scale_sigma; /* relative */
+    double log_scale;   /* natural, of the whole way: the mean of all stations since the restart */
     double gravity_sigma; /* rad, of an axis */
     double misfit;        /* squared errors over what they should be */
 };
@@ -181,6 +182,8 @@ struct fv_inertial_state {
     double metric_sigma;       /* of a unit that is the metre, relative; 0: of any length */
     struct fv_imu_noise noise; /* that is believed now, squared densities */
     struct fv_imu_shake shake;
+    double gone_log_scale;    /* sum over the stations that have left the window, */
+    uint64_t gone;            /* and their number */
     uint64_t cuts, overflows; /* links cut, and by too many samples */
     int64_t last_sample_ns;
     bool any_sample;

@@ -258,6 +258,22 @@ bool fv_map_metric_of(const struct fv_map *map, uint32_t map_id)
     return false;
 }
 
+static double metres_per_unit(const struct fv_map_scale *scale, const struct fv_sim3 *S_map_world)
+{
+    if (scale->source == FOVEA_SCALE_FREE) return 0;
+    return fv_exp(scale->log_scale) / S_map_world->s;
+}
+
+double fv_map_scale_of(const struct fv_map *map, uint32_t map_id)
+{
+    const struct fv_map_state *s = map->state;
+    if (map_id == s->map_id) return metres_per_unit(&s->scale, &s->S_map_world);
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
+        if (s->left[i].map_id == map_id)
+            return metres_per_unit(&s->left[i].scale, &s->left[i].S_map_world);
+    return 0;
+}
+
 bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *l)
 {
     if (l->observer_count != 1 || map->distances == NULL) return l->observer_count >= 2;

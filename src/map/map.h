@@ -348,6 +348,8 @@ static inline struct fv_inverse_distance *fv_map_distances(const struct fv_map *
 bool fv_map_metric(const struct fv_map *map);
 /* The same of any map, by its id. */
 bool fv_map_metric_of(const struct fv_map *map, uint32_t map_id);
+/* Metres per unit of any map's own frame, as it is now; 0: not known, or no such map. */
+double fv_map_scale_of(const struct fv_map *map, uint32_t map_id);
 /* Whether enough is known of where a landmark is: two keyframes see it, or the one that sees it
  * knows its distance. */
 bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *landmark);

@@ -413,6 +413,12 @@ void fovea_imu_status_get(const struct fovea *rt, struct fovea_imu_status *statu
     status->mount_wrong = mount.wrong;
 }
 
+double fovea_map_scale_get(const struct fovea *rt, uint32_t map_id)
+{
+    if (!rt->config.odometry.enabled) return 0;
+    return fv_map_scale_of(fv_odometry_map(&rt->odometry), map_id);
+}
+
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,
                              uint32_t count_max)
 {

@@ -508,6 +508,7 @@ static void write_known(struct fv_inertial_known *known, const struct fv_inertia
     const int gyro = FV_INERTIAL_TAIL - 3, acceleration = FV_INERTIAL_ACCELERATION_BIAS;
     known->claimed = true;
     known->scale = e->own.scale;
+    known->map_scale = fv_exp(e->log_scale);
     known->scale_sigma = __builtin_sqrt(sigma2);
     known->gravity_sigma = __builtin_sqrt(e->gravity_sigma * e->gravity_sigma +
                                           gravity_sigma_least * gravity_sigma_least);

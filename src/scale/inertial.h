@@ -47,7 +47,8 @@ enum { FV_INERTIAL_AGREEING = 4 };
 /* What is known, in the axes of `world`. */
 struct fv_inertial_known {
     bool claimed;
-    double scale, scale_sigma; /* metres per unit of world; relative */
+    double scale, scale_sigma; /* metres per unit of world, now; relative */
+    double map_scale;          /* the same in the mean of the way through this map */
     double gravity[3];         /* m/s^2 */
     double gravity_sigma;      /* rad, of an axis; at least what a map tilts by while it grows */
     bool settled;              /* gravity is known well enough to turn `odom` by it */

@@ -236,8 +236,8 @@ static struct left *place(const struct fv_final *final)
     return sorted;
 }
 
-/* The scale known last in each world; worlds past the last element share it, and are not judged
- * either. */
+/* The scale of each world: that of the whole map where it is still there, else that known last.
+ * Worlds past the last element share it, and are not judged either. */
 struct scales {
     uint32_t count;
     uint32_t map[FV_TRAJECTORY_MAPS_MAX];
@@ -276,7 +276,7 @@ static bool next_frame(struct fv_final *final, struct left *sorted, struct hung 
     return false;
 }
 
-static void write_frames(struct fv_final *final, struct left *sorted)
+static void write_frames(struct fv_final *final, const struct fovea *rt, struct left *sorted)
 {
     struct hung frame;
     struct fv_se3 T;
@@ -286,6 +286,10 @@ static void write_frames(struct fv_final *final, struct left *sorted)
     rewind(final->spool);
     while (next_frame(final, sorted, &frame, &T, &without))
         *scale_of(&scales, frame.published.map) = frame.scale;
+    for (uint32_t i = 0; i < scales.count; i++) {
+        const double scale = fovea_map_scale_get(rt, scales.map[i]);
+        if (scale > 0) scales.scale[i] = scale;
+    }
     rewind(final->spool);
     final->lost += without;
     while (next_frame(final, sorted, &frame, &T, &without)) {
@@ -314,7 +318,7 @@ void fv_final_finish(struct fv_final *final, struct fovea *rt,
     fv_final_drain(final);
     struct left *sorted = place(final);
     if (sorted != NULL)
-        write_frames(final, sorted);
+        write_frames(final, rt, sorted);
     else
         final->failed = ENOMEM;
     free(sorted);

@@ -22,8 +22,8 @@ static uint8_t block[BLOCK_BYTES] __attribute__((aligned(64)));
 static struct fv_inertial inertial;
 static struct fv_se3 T_cam_imu;
 /* The map tilts by so much each second, which the estimator is prepared for, or not; from one
- * station to the next it leaps once, by so many sigmas. */
-static double tilt_rate, tilt_drift, leap;
+ * station to the next it leaps once, by so many sigmas; its unit grows by so much each second. */
+static double tilt_rate, tilt_drift, leap, unit_rate;
 
 static void begin(double metric_sigma)
 {
@@ -40,7 +40,8 @@ static void begin(double metric_sigma)
     fv_inertial_carve(&inertial, &config, &arena);
     assert_false(arena.exhausted);
     fv_inertial_init(&inertial);
-    fv_inertial_restart(&inertial, metric_sigma, 1e-8, tilt_drift * tilt_drift);
+    fv_inertial_restart(&inertial, metric_sigma, 1e-8 + unit_rate * unit_rate,
+                        tilt_drift * tilt_drift);
 }
 
 enum motion { LIVELY, LIVELY_THEN_HOVER, STEADY, HOVER, SPIN };
@@ -113,7 +114,8 @@ static void station_at(enum motion motion, double t, double noise, struct fv_ran
     pose->turn_sigma = 5e-4;
     double turn[6] = {0, 0, 0, 0, 0, 0}, E[9], R[9];
     for (int i = 0; i < 3; i++) {
-        pose->T_world_cam.t[i] = pose->T_world_cam.t[i] / unit_m + noise * fv_random_normal(random);
+        pose->T_world_cam.t[i] = pose->T_world_cam.t[i] / (unit_m * (1 + unit_rate * t)) +
+                                 noise * fv_random_normal(random);
         if (leap != 0 && fabs(t - 4) < 0.1) pose->T_world_cam.t[i] += noise * leap;
         turn[3 + i] = 5e-4 * fv_random_normal(random);
     }
@@ -278,6 +280,21 @@ static void test_a_station_that_is_far_off_counts_for_less(void **state)
     assert_true(gravity_error() < 0.01);
 }
 
+/* Longer than the window: the scale here is that of the end, that of the whole way its mean. */
+static void test_scale_of_the_whole_way(void **state)
+{
+    (void)state;
+    unit_rate = 3e-3;
+    begin(0);
+    run(LIVELY, 30, 0.002, 11);
+    const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+    assert_true(e->known && inertial.state->gone > 10);
+    const double from = 1, to = 1 + (double)e->stamp_ns * 1e-9;
+    assert_true(fabs(e->own.scale / (unit_m * (1 + unit_rate * to)) - 1) < 0.02);
+    assert_true(fabs(exp(e->log_scale) / (unit_m * (1 + unit_rate * (from + to) / 2)) - 1) < 0.008);
+    unit_rate = 0;
+}
+
 static void test_no_scale_without_acceleration(void **state)
 {
     (void)state;
@@ -385,6 +402,7 @@ int main(void)
         cmocka_unit_test(test_an_estimate_that_is_broken_off_is_made_anew),
         cmocka_unit_test(test_gravity_follows_a_map_that_tilts),
         cmocka_unit_test(test_a_station_that_is_far_off_counts_for_less),
+        cmocka_unit_test(test_scale_of_the_whole_way),
         cmocka_unit_test(test_no_scale_without_acceleration),
         cmocka_unit_test(test_metric_poses_at_rest),
         cmocka_unit_test(test_shaking_is_noise),
