@@ -45,3 +45,17 @@ bool own_network_mend(void)
     if (control >= 0) close(control);
     return done;
 }
+
+int own_network_receiver(const char *group, uint16_t port, const char *address)
+{
+    const int made = socket(AF_INET, SOCK_DGRAM, 0), room = 8 << 20;
+    const struct sockaddr_in to = {
+        .sin_family = AF_INET, .sin_port = htons(port), .sin_addr.s_addr = inet_addr(group)};
+    const struct ip_mreq joined = {.imr_multiaddr = to.sin_addr,
+                                   .imr_interface.s_addr = inet_addr(address)};
+    if (bind(made, (const struct sockaddr *)&to, sizeof to) != 0 ||
+        setsockopt(made, IPPROTO_IP, IP_ADD_MEMBERSHIP, &joined, sizeof joined) != 0)
+        return -1;
+    (void)setsockopt(made, SOL_SOCKET, SO_RCVBUFFORCE, &room, sizeof room);
+    return made;
+}

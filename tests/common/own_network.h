@@ -4,6 +4,7 @@
 #define FOVEA_TESTS_OWN_NETWORK_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 /* Enter a new network namespace; its loopback is down. False: not permitted here. */
 bool own_network_enter(void);
@@ -11,5 +12,9 @@ bool own_network_enter(void);
 /* Loopback up, multicast on, route 224.0.0.0/4 through it: what the command does that `fovea check`
  * tells people. */
 bool own_network_mend(void);
+
+/* A socket for what is sent to a group by multicast, with room for 8 MB, on the interface of this
+ * address; -1: there is none. */
+int own_network_receiver(const char *group, uint16_t port, const char *address);
 
 #endif

@@ -410,7 +410,7 @@ static uint8_t *good_memory(size_t *bytes)
     void *mapped = mmap(NULL, *bytes, PROT_READ, MAP_SHARED, memory, 0);
     struct fv_feed_header *header = mapped;
     while (atomic_load(&header->frames) == 0 && fv_test_patient(&end_ns, 1))
-        fv_feed_frame(feed, &frame); /* until the feed knows of the wish */
+        fv_feed_frame(feed, &frame); /* until the feed knows what is asked for */
     assert_true(atomic_load(&header->frames) > 0);
     for (uint64_t n = 1; n < 500; n++) {
         const struct fovea_message message = {"T_X", data, fill(n, data), false};

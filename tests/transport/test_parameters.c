@@ -419,7 +419,7 @@ static int manager_open(const char *name)
     return manager;
 }
 
-/* Until the run has told the manager what begins so. */
+/* Until the run has sent the manager what begins so. */
 static void await_told(int manager, const char *begin)
 {
     char text[256];
@@ -428,7 +428,7 @@ static void await_told(int manager, const char *begin)
         do /* one with a timeout is not begun again by itself */
             got = recv(manager, text, sizeof text - 1, 0);
         while (got < 0 && errno == EINTR);
-        if (got <= 0) fail_msg("the service manager was not told %s", begin);
+        if (got <= 0) fail_msg("the service manager was not sent %s", begin);
         text[got] = '\0';
     } while (strncmp(text, begin, strlen(begin)) != 0);
 }

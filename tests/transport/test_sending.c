@@ -8,8 +8,6 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <arpa/inet.h>
-#include <linux/filter.h>
-#include <linux/seccomp.h>
 #include <poll.h>
 #include <pthread.h>
 #include <sched.h>
@@ -20,13 +18,13 @@
 #include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
-#include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
 
 #include <cmocka.h>
 
 #include "app/network/transport.h"
+#include "common/no_system_calls.h"
 #include "common/own_network.h"
 #include "common/patience.h"
 #include "../../drivers/clock.h"
@@ -106,20 +104,6 @@ static void hear(const uint8_t *datagram, size_t bytes)
     heard->messages[kind]++;
 }
 
-static int open_receiver(void)
-{
-    const int made = socket(AF_INET, SOCK_DGRAM, 0), room = 8 << 20;
-    const struct sockaddr_in to = {
-        .sin_family = AF_INET, .sin_port = htons(7667), .sin_addr.s_addr = inet_addr(GROUP)};
-    const struct ip_mreq group = {.imr_multiaddr = to.sin_addr,
-                                  .imr_interface.s_addr = inet_addr("10.77.0.2")};
-    if (bind(made, (const struct sockaddr *)&to, sizeof to) != 0 ||
-        setsockopt(made, IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) != 0)
-        return -1;
-    (void)setsockopt(made, SOL_SOCKET, SO_RCVBUFFORCE, &room, sizeof room);
-    return made;
-}
-
 /* In the child: a network of its own, then whatever comes, until killed. */
 static void listen_there(int from_parent, int to_parent)
 {
@@ -129,7 +113,7 @@ static void listen_there(int from_parent, int to_parent)
     if (write(to_parent, &byte, 1) != 1 || read(from_parent, &byte, 1) != 1) _exit(1);
     if (!command("ip link set lo up && ip addr add 10.77.0.2/24 dev v1 && ip link set v1 up"))
         _exit(1);
-    const int receiver = open_receiver();
+    const int receiver = own_network_receiver(GROUP, 7667, "10.77.0.2");
     byte = receiver >= 0 ? 'y' : 'n';
     if (write(to_parent, &byte, 1) != 1) _exit(1);
     for (;;) {
@@ -224,35 +208,11 @@ static void iteration(struct sending *sending, int i)
     if (took_ns > sending->longest_ns) sending->longest_ns = took_ns;
 }
 
-/* From here on this thread may sleep, read clocks and end; anything else kills the process. Freed
- * memory of the thread's is given back after that: munmap and madvise are its end's. */
-static bool forbid_system_calls(void)
-{
-#ifdef FOVEA_SANITIZED /* whose threads make calls of their own */
-    return false;
-#else
-    static const uint32_t allowed[] = {
-        SYS_clock_nanosleep, SYS_nanosleep, SYS_clock_gettime, SYS_exit,
-        SYS_madvise,         SYS_munmap,    SYS_rt_sigprocmask};
-    enum { ALLOWED = sizeof allowed / sizeof allowed[0] };
-    struct sock_filter filter[ALLOWED + 3] = {
-        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr))};
-    for (int i = 0; i < ALLOWED; i++)
-        filter[1 + i] = (struct sock_filter)BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, allowed[i],
-                                                     (uint8_t)(ALLOWED - i), 0);
-    filter[ALLOWED + 1] = (struct sock_filter)BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_KILL_PROCESS);
-    filter[ALLOWED + 2] = (struct sock_filter)BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW);
-    struct sock_fprog program = {.len = ALLOWED + 3, .filter = filter};
-    return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
-           prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
-#endif
-}
-
 static void *loop(void *context)
 {
     struct sending *sending = context;
     struct timespec due;
-    sending->filtered = forbid_system_calls();
+    sending->filtered = no_system_calls();
     clock_gettime(CLOCK_MONOTONIC, &due);
     for (int i = 0; i < sending->iterations; i++) {
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
