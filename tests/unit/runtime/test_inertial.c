@@ -147,6 +147,102 @@ static void metres_and_gravity_come_in_one_change(void **state)
     sim_rig_close(&rig);
 }
 
+/* Second difference of three positions, in the axes of the last pose. */
+static void bend(const struct fv_se3 T[3], double own[3])
+{
+    double d[3];
+    for (int i = 0; i < 3; i++)
+        d[i] = T[0].t[i] - 2 * T[1].t[i] + T[2].t[i];
+    fv_rotate_back3(T[2].R, d, own);
+}
+
+/* Turn from the second pose to the last, and the way. */
+static double stepped(const struct fv_se3 T[3], double turn[9])
+{
+    double way[3];
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            turn[3 * r + c] = T[1].R[r] * T[2].R[c] + T[1].R[3 + r] * T[2].R[3 + c] +
+                              T[1].R[6 + r] * T[2].R[6 + c];
+    fv_subtract3(T[2].t, T[1].t, way);
+    return fv_norm3(way);
+}
+
+/* What stations said, and where they were. */
+enum { STATIONS = 96 };
+static struct fv_se3 said[STATIONS], truth[STATIONS];
+static double said_sigma[STATIONS], said_turn_sigma[STATIONS];
+
+/* The stations of a run, and the mean of the frames' own sigma of turns. */
+static int gather(double *own_turn)
+{
+    int n = 0;
+    *own_turn = 0;
+    while (next(true)) {
+        const struct fv_inertial *estimator = &rig.rt->inertial.estimator;
+        const uint32_t count = fv_inertial_station_count(estimator);
+        double position, turn;
+        if (count == 0 || rig.rt->inertial.state->station_ns != rig.frame.stamp_ns) continue;
+        assert_true(n < STATIONS);
+        const struct fv_inertial_pose *pose = &fv_inertial_station_at(estimator, count - 1)->pose;
+        said[n] = pose->T_world_cam;
+        said_sigma[n] = pose->position_sigma;
+        said_turn_sigma[n] = pose->turn_sigma;
+        fv_se3_from_rows(rig.truth[rig.frames - 1], &truth[n++]);
+        fv_odometry_own_sigmas(&rig.rt->odometry, &position, &turn);
+        *own_turn += turn;
+    }
+    *own_turn /= n;
+    return n;
+}
+
+/* Mean squares of the errors of second differences of places and of turns, over what they should
+ * be. */
+static void compare(int n, double *place, double *turned)
+{
+    double said_way = 0, true_way = 0, A[9], B[9], E[9], a[3], b[3], error[3];
+    for (int k = 2; k < n; k++) {
+        said_way += stepped(said + k - 2, A);
+        true_way += stepped(truth + k - 2, B);
+    }
+    *place = *turned = 0;
+    for (int k = 2; k < n; k++) {
+        (void)stepped(said + k - 2, A);
+        (void)stepped(truth + k - 2, B);
+        bend(said + k - 2, a);
+        bend(truth + k - 2, b);
+        for (int i = 0; i < 3; i++)
+            error[i] = a[i] - b[i] * said_way / true_way;
+        *place += fv_dot3(error, error) / (18 * said_sigma[k - 1] * said_sigma[k - 1]) / (n - 2);
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                E[3 * r + c] = A[r] * B[c] + A[3 + r] * B[3 + c] + A[6 + r] * B[6 + c];
+        fv_so3_log(E, error);
+        *turned += fv_dot3(error, error) / (6 * said_turn_sigma[k] * said_turn_sigma[k]) / (n - 2);
+    }
+}
+
+/* Stations err, beside those around them, by what they say. */
+static void stations_err_by_what_they_say(void **state)
+{
+    (void)state;
+    static const char *const uris[] = {"sim:orbit?" SHAPE "seed=3", "sim:corridor?" SHAPE "seed=3"};
+    for (int u = 0; u < 2; u++) {
+        double place, turned, own_turn;
+        open_rig(uris[u], 180, FOVEA_SENSORS_MONO_INERTIAL);
+        const int n = gather(&own_turn);
+        compare(n, &place, &turned);
+        print_message("%s: %d stations, squared errors over stated: place %.2f, turn %.2f; "
+                      "turn by pixels %.1e rad\n",
+                      uris[u], n, place, turned, own_turn);
+        assert_true(n > 70);
+        assert_true(place > 0.6 && place < 2.6);
+        assert_true(turned > 0.4 && turned < 2.6);
+        assert_true(own_turn > 5e-5);
+        sim_rig_close(&rig);
+    }
+}
+
 /* Gravity in the body's axes, against its stated sigma in both directions across: a chi-square of
  * two degrees of freedom, beyond 11.8 once in 400 times. */
 static void gravity_is_as_sure_as_it_says(void **state)
@@ -404,6 +500,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(metres_and_gravity_come_in_one_change),
+        cmocka_unit_test(stations_err_by_what_they_say),
         cmocka_unit_test(gravity_is_as_sure_as_it_says),
         cmocka_unit_test(poses_go_on_without_pictures),
         cmocka_unit_test(no_metres_without_motion),

@@ -9,11 +9,14 @@
 #include <cmocka.h>
 
 #include "geometry/se3.h"
+#include "geometry/vec.h"
 #include "odometry/odometry.h"
 #include "scale/inertial.h"
 
 enum {
     BLOCK_BYTES = 4 << 20,
+    SAMPLES_A_FRAME = 10,
+    SAMPLE_NS = 5000000,
     TAIL = FV_INERTIAL_TAIL,
     SCALE = 9,
     BIAS = 10,
@@ -146,6 +149,44 @@ static void test_own_sigmas_are_in_the_unit_of_the_world(void **state)
     assert_true(position == 0.005 && turn == 0.001);
 }
 
+/* A frame with a pose there, SAMPLES_A_FRAME samples of a sensor at rest after the one before. */
+static void step(const struct fv_odometry *odometry, int64_t stamp_ns)
+{
+    for (int k = SAMPLES_A_FRAME; k-- > 0;) {
+        const struct fv_imu_reading sample = {.stamp_ns = stamp_ns - k * SAMPLE_NS,
+                                              .acceleration = {0, -9.80665, 0}};
+        fv_inertial_live_take(&stage.state->live, &stage.estimator.state->noise, &sample);
+    }
+    fv_inertial_stage_step(&stage, odometry, stamp_ns);
+}
+
+/* The first way between two poses gives a velocity as sure as what the frames err by alone makes
+ * it, in metres: sqrt(2) times 10 m per unit times somewhat more than .01 units, by .05 s. */
+static void test_a_velocity_is_as_sure_as_its_poses(void **state)
+{
+    (void)state;
+    static struct fv_odometry_state s;
+    const struct fv_odometry odometry = {.state = &s};
+    struct fv_inertial_known *known = &stage.state->known;
+    memset(&s, 0, sizeof s);
+    s.covariance.own_position = 0.01;
+    s.pose.map_scale = 1;
+    s.pose.posed = true;
+    s.pose.state = FOVEA_TRACKING_OK;
+    fv_se3_to_rows(&(struct fv_se3){.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, s.pose.T_world_cam);
+    known->scale = 10;
+    known->gravity[1] = 9.80665;
+    stage.state->begun = true;
+    stage.state->depth = 5;
+    stage.state->station_ns = 40000000; /* too near for the next */
+    step(&odometry, 50000000);
+    assert_false(known->moving);
+    step(&odometry, 100000000);
+    assert_true(known->moving);
+    assert_true(known->velocity_sigma > 2.8 && known->velocity_sigma < 4.3);
+    assert_true(fv_norm3(known->velocity) < 0.01);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -153,6 +194,7 @@ int main(void)
         cmocka_unit_test_setup(test_no_unit_is_surer_than_its_kind, set_up),
         cmocka_unit_test_setup(test_biases_stay_as_sure_as_they_are, set_up),
         cmocka_unit_test_setup(test_turns_wait_for_the_bias_and_use_it_at_once, set_up),
+        cmocka_unit_test_setup(test_a_velocity_is_as_sure_as_its_poses, set_up),
         cmocka_unit_test_setup(test_own_sigmas_are_in_the_unit_of_the_world, set_up),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -18,6 +18,7 @@ static struct fv_inertial_stage_state s;
 static struct fv_inertial_stage stage;
 static struct fv_random noise;
 static int64_t now_ns;
+static double sway; /* to and fro from frame to frame, in the unit of the poses */
 
 /* A camera that has moved, and whose velocity is known. */
 static int set_up(void **state)
@@ -35,6 +36,7 @@ static int set_up(void **state)
     s.depth = 3;
     s.live.variance = 1e-4;
     now_ns = 0;
+    sway = 0;
     fv_random_seed(&noise, 1);
     return 0;
 }
@@ -53,6 +55,8 @@ static bool stands(enum fovea_tracking_state tracking)
         fv_inertial_stage_still_take(&stage, &sample);
     }
     fv_se3_identity(&s.T_world_cam);
+    sway = -sway;
+    s.T_world_cam.t[1] = sway;
     s.T_world_cam.t[0] = 40; /* where a better scale would move it, were it in metres */
     s.known.scale *= 1.001;
     fv_inertial_stage_still_see(&stage, &pose, now_ns);
@@ -72,6 +76,15 @@ static void test_it_stands_by_sound_poses(void **state)
     (void)state;
     assert_true(count(2 * FRAMES_A_SECOND, FOVEA_TRACKING_OK) > FRAMES_A_SECOND);
     assert_true(s.still.standing);
+}
+
+/* Poses 7 mrad apart, of what is seen: no unit makes them one place. */
+static void test_it_does_not_stand_while_it_sways(void **state)
+{
+    (void)state;
+    s.known.scale = 20;
+    sway = 0.01;
+    assert_int_equal(count(2 * FRAMES_A_SECOND, FOVEA_TRACKING_OK), 0);
 }
 
 /* A weak pose may lie where it was put because nothing pulls at it: a picture that is stuck, torn
@@ -107,6 +120,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(test_it_stands_by_sound_poses, set_up),
+        cmocka_unit_test_setup(test_it_does_not_stand_while_it_sways, set_up),
         cmocka_unit_test_setup(test_a_weak_pose_does_not_stand, set_up),
         cmocka_unit_test_setup(test_without_a_velocity_nothing_stands, set_up),
     };
