@@ -43,6 +43,7 @@ static void ask(struct fv_foxglove_parameters *parameters, int slot, int64_t now
         parameters->keys[key].wanted = false;
         parameters->asked[slot].key = key;
         parameters->asked[slot].sent_ns = now_ns;
+        parameters->asked[slot].run_id = parameters->run_id;
         parameters->asked[slot].id =
             fv_web_commander_set(parameters->commander, parameters->prefix, parameters->run_id,
                                  fv_settings_keys[key].name, "", false);
@@ -53,6 +54,10 @@ static void ask(struct fv_foxglove_parameters *parameters, int slot, int64_t now
 void fv_foxglove_parameters_tick(struct fv_foxglove_parameters *parameters, int64_t now_ns)
 {
     for (int i = 0; i < FV_FOXGLOVE_ASKED_MAX; i++) {
+        if (parameters->asked[i].id != 0 && parameters->asked[i].run_id != parameters->run_id) {
+            parameters->asked[i].id = 0;
+            fv_foxglove_parameters_want(parameters, parameters->asked[i].key);
+        }
         if (parameters->asked[i].id != 0 && now_ns - parameters->asked[i].sent_ns > PATIENCE_NS) {
             parameters->asked[i].id = 0;
             report(parameters, parameters->asked[i].key, 0, FV_FOXGLOVE_SILENT,

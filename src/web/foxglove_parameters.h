@@ -42,7 +42,7 @@ struct fv_foxglove_parameters {
         bool wanted;      /* to be asked for */
     } keys[FV_SETTINGS_KEYS_MAX];
     struct {
-        int64_t id, sent_ns; /* 0: free */
+        int64_t id, sent_ns, run_id; /* id 0: free */
         uint32_t key;
     } asked[FV_FOXGLOVE_ASKED_MAX];
 };
@@ -54,7 +54,8 @@ int32_t fv_foxglove_parameters_find(const char *name);
 
 /* Ask for a key, soon. */
 void fv_foxglove_parameters_want(struct fv_foxglove_parameters *parameters, uint32_t key);
-/* Send what is to be asked, and give up what was not answered. */
+/* Send what is to be asked, and give up what was not answered. What another run was asked is asked
+ * for again. */
 void fv_foxglove_parameters_tick(struct fv_foxglove_parameters *parameters, int64_t now_ns);
 /* A message of the run, on a channel without its prefix. */
 void fv_foxglove_parameters_take(struct fv_foxglove_parameters *parameters, const char *channel,

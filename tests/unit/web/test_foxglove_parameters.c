@@ -123,6 +123,25 @@ static void silence_is_said(void **state)
     until("\"parameters\":[]");
 }
 
+static void a_new_run_is_asked_at_once(void **state)
+{
+    (void)state;
+    say("{\"op\":\"getParameters\",\"parameterNames\":[\"" COUNT "\"],\"id\":\"get\"}");
+    fv_foxglove_parameters_tick(&parameters, now_ns);
+    const int64_t first = commander.id;
+    fv_foxglove_parameters_tick(&parameters, now_ns);
+    assert_int_equal(commander.id, first);
+    parameters.run_id++;
+    fv_foxglove_parameters_tick(&parameters, now_ns);
+    const int64_t second = commander.id;
+    assert_true(second > first);
+    done(COUNT, "20");
+    until("\"value\":20");
+    fv_foxglove_parameters_tick(&parameters, now_ns + FV_FOXGLOVE_PATIENCE_S * SECOND + 1);
+    assert_int_equal(commander.id, second);
+    assert_false(next());
+}
+
 static void who_watches_a_key_gets_its_changes(void **state)
 {
     (void)state;
@@ -167,6 +186,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(only_its_own_answer_ends_a_change, begin_run, end_run),
         cmocka_unit_test_setup_teardown(a_refusal_has_its_level_and_names_the_key_once, begin_run,
                                         end_run),
+        cmocka_unit_test_setup_teardown(a_new_run_is_asked_at_once, begin_run, end_run),
         cmocka_unit_test_setup_teardown(silence_is_said, begin_run, end_run),
         cmocka_unit_test_setup_teardown(who_watches_a_key_gets_its_changes, begin_run, end_run),
         cmocka_unit_test_setup_teardown(
