@@ -141,13 +141,25 @@ static unsigned unread(void)
     return most;
 }
 
+/* A sender that has no processor gets it. */
+static void wait_for_room(struct fv_transport *transport)
+{
+    int64_t end_ns = 0;
+    bool room;
+    while (!(room = fv_transport_room(transport, false)) && fv_test_patient(&end_ns, 1)) {
+    }
+    if (!room) fail_msg("the sender sends nothing");
+}
+
 /* A subscriber that has no processor gets the time that its socket has no room for. */
 static void wait_for_subscribers(void)
 {
     enum { ENOUGH_BYTES = 1 << 16 };
     int64_t end_ns = 0;
-    while (unread() > ENOUGH_BYTES && fv_test_patient(&end_ns, 1)) {
+    unsigned bytes;
+    while ((bytes = unread()) > ENOUGH_BYTES && fv_test_patient(&end_ns, 1)) {
     }
+    if (bytes > ENOUGH_BYTES) fail_msg("a subscriber has left %u bytes unread", bytes);
 }
 
 /* Frames of noise, which is full of corners, through the runtime and out: 1,000 at 200 Hz, or fewer
@@ -175,8 +187,7 @@ static void run(struct fovea *rt, const struct fovea_config *config, struct fv_t
         struct fovea_outputs outputs;
         fovea_grants_fixed(config, &inputs.grants);
         if (follower == NULL) clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
-        while (!fv_transport_room(transport, false)) /* the sender had no processor */
-            (void)clock_nanosleep(CLOCK_MONOTONIC, 0, &(struct timespec){.tv_nsec = 1000000}, NULL);
+        wait_for_room(transport);
         wait_for_subscribers();
         fovea_step(rt, &inputs, &outputs);
         count_and_publish(transport, &outputs, sent);
