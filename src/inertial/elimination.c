@@ -69,8 +69,7 @@ static void add_three(struct pair *pair, int first, const double x[3], double va
 }
 
 /* The variance that three errors x of stated sigma are taken to have: larger where, as estimated so
- * far, they are larger than chance makes them (Huber's function, by
- * reweighting). */
+ * far, they are larger than chance makes them (Huber's function, by reweighting). */
 static double robust_variance(const struct fv_inertial_state *state, const double x[3],
                               double sigma)
 {

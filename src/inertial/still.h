@@ -12,8 +12,8 @@
  * then.
  *
  * Once it stands, quiet samples alone are enough to say that it still does, where no picture comes:
- * nothing begins to move without a force. State holds no addresses. Real-time
- * safe; constant time per call. */
+ * nothing begins to move without a force. State holds no addresses. Real-time safe; constant time
+ * per call. */
 #ifndef FOVEA_INERTIAL_STILL_H
 #define FOVEA_INERTIAL_STILL_H
 
