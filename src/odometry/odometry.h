@@ -184,7 +184,7 @@ void fv_odometry_take_map(struct fv_odometry *odometry, const struct fv_map *fro
 const struct fovea_pose *fv_odometry_pose(const struct fv_odometry *odometry);
 /* What independent errors of the last frame's pixels alone do to its position (in `odom`'s unit)
  * and turn (rad), standard deviations of an axis: unlike its covariance, nothing that frames that
- * follow each other have in common. 0: no pose. */
+ * follow each other have in common, but for the motion that a stuck picture hides. 0: no pose. */
 void fv_odometry_own_sigmas(const struct fv_odometry *odometry, double *position, double *turn);
 /* How often the world of the poses became another: a new one, or that of an older map. */
 uint32_t fv_odometry_reset_counter(const struct fv_odometry *odometry);

@@ -154,4 +154,8 @@ void fv_odometry_add_freeze(struct fv_odometry *o, const struct fv_map_frame *fr
             if (row == column)
                 o->state->pose.covariance[k] += across * across * (row < 3 ? way2 : turn2);
         }
+    struct fv_covariance_state *own = &o->state->covariance;
+    const double share = 1.0 / 3 + across * across; /* of an axis, in the mean */
+    own->own_position = __builtin_sqrt(own->own_position * own->own_position + share * way2);
+    own->own_turn = __builtin_sqrt(own->own_turn * own->own_turn + share * turn2);
 }

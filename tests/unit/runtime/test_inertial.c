@@ -305,6 +305,35 @@ static void poses_go_on_without_pictures(void **state)
     free(black);
 }
 
+/* A picture that is stuck for .4 s shows no motion: the velocity goes on by the samples. */
+static void a_stuck_picture_stops_no_velocity(void **state)
+{
+    (void)state;
+    enum { FIRST = 120, STUCK = 8 };
+    static uint8_t stuck[400 * 300];
+    int frozen = 0;
+    open_rig("sim:orbit?" SHAPE "seed=3", 150, FOVEA_SENSORS_MONO_INERTIAL);
+    for (int n = 0; n < FIRST + STUCK; n++) {
+        const struct fv_inertial_known *known = &rig.rt->inertial.state->known;
+        struct fv_se3 last, now;
+        double way[3];
+        dark = n >= FIRST ? stuck : NULL;
+        assert_true(next(true));
+        for (size_t y = 0; n < FIRST && y < 300; y++)
+            memcpy(stuck + 400 * y,
+                   rig.frame.images[0].data + y * (size_t)rig.frame.images[0].stride_bytes, 400);
+        if (n < FIRST) continue;
+        fv_se3_from_rows(rig.truth[n - 1], &last);
+        fv_se3_from_rows(rig.truth[n], &now);
+        fv_subtract3(now.t, last.t, way);
+        frozen += rig.rt->odometry.state->usable.frozen;
+        assert_true(known->moving);
+        assert_true(fabs(fv_norm3(known->velocity) / (20 * fv_norm3(way)) - 1) < 0.12);
+    }
+    assert_int_equal(frozen, STUCK);
+    sim_rig_close(&rig);
+}
+
 /* Standing still shows no scale, nor does a turn on the spot. */
 static void no_metres_without_motion(void **state)
 {
@@ -503,6 +532,7 @@ int main(void)
         cmocka_unit_test(stations_err_by_what_they_say),
         cmocka_unit_test(gravity_is_as_sure_as_it_says),
         cmocka_unit_test(poses_go_on_without_pictures),
+        cmocka_unit_test(a_stuck_picture_stops_no_velocity),
         cmocka_unit_test(no_metres_without_motion),
         cmocka_unit_test(mono_keeps_its_bits),
         cmocka_unit_test(what_cannot_be_is_refused),
