@@ -10,6 +10,7 @@
 enum {
     STATIONS_MIN = 4,
     STATIONS_TO_CORRECT = 10,
+    STATIONS_FOR_ONE_WRONG = 4,
     ITERATIONS_MAX = 10,
     INTEGRATED_PER_UNIT = 48,
     ELIMINATED_PER_UNIT = 4,
@@ -478,18 +479,31 @@ static void move_own(struct fv_inertial_own *own, const double step[FV_INERTIAL_
     (void)fv_normalise3(own->down);
 }
 
+static bool is_wrong(const struct fv_inertial_station *s)
+{
+    return fv_norm3(s->now.offset) > wrong_sigmas * s->pose.position_sigma ||
+           fv_norm3(s->now.turn) > wrong_sigmas * s->pose.turn_sigma;
+}
+
 /* A pose that errs by far more than it states had a map that was wrong: from now on it states that,
- * so that it counts for little without calling the whole estimate a misfit. */
+ * so that it counts for little without calling the whole estimate a misfit. Where many err so, the
+ * samples may as well be wrong, or their clock, or where the sensor sits: that is a misfit. */
 static void correct_sigmas(struct fv_inertial *inertial)
 {
-    for (uint32_t i = 0; i < inertial->state->taking_part; i++) {
+    const uint32_t count = inertial->state->taking_part;
+    uint32_t wrong = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fv_inertial_station *s = fv_inertial_station_at(inertial, i);
+        wrong += s->corrected || is_wrong(s);
+    }
+    if (count < STATIONS_TO_CORRECT || wrong * STATIONS_FOR_ONE_WRONG > count) return;
+    for (uint32_t i = 0; i < count; i++) {
         struct fv_inertial_station *s = fv_inertial_station_at(inertial, i);
+        if (!is_wrong(s)) continue;
         const double off = fv_norm3(s->now.offset), turned = fv_norm3(s->now.turn);
-        if (off < wrong_sigmas * s->pose.position_sigma &&
-            turned < wrong_sigmas * s->pose.turn_sigma)
-            continue;
         if (off > s->pose.position_sigma) s->pose.position_sigma = off;
         if (turned > s->pose.turn_sigma) s->pose.turn_sigma = turned;
+        s->corrected = true;
     }
 }
 
@@ -516,7 +530,7 @@ static void finish(struct fv_inertial *inertial)
         e->log_scale += fv_log(fv_inertial_station_at(inertial, i)->now.scale);
     e->log_scale /= (double)(s->gone + s->taking_part);
     e->known = true;
-    if (s->taking_part >= STATIONS_TO_CORRECT) correct_sigmas(inertial);
+    correct_sigmas(inertial);
     s->phase = FV_INERTIAL_IDLE;
 }
 

@@ -121,6 +121,7 @@ struct fv_inertial_station {
     uint32_t integrated; /* intervals of the samples that are in `link` */
     bool closed;         /* no sample before the next station's instant is missing */
     bool cut;            /* there is no link */
+    bool corrected;      /* the pose's sigmas are those that an estimate showed */
     /* Elimination: own block, factored; coupling to the next station and the shared; gradient. */
     double block[FV_INERTIAL_OWN * FV_INERTIAL_OWN];
     double coupling[FV_INERTIAL_OWN * FV_INERTIAL_TAIL];

@@ -11,6 +11,7 @@ static const int64_t station_apart_ns = 90000000;
 static const double own_share = 1.2;
 static const double position_sigma_least = 5e-5; /* of the distance of what is seen */
 static const double turn_sigma_least = 3e-4;
+static const double unknown_sigma = 0.1;                     /* rad, and of that distance */
 static const double mono_drift = 0.003, stereo_drift = 1e-4; /* of the scale, relative, by root s */
 static const double tilt_drift = 3e-4;                       /* of a map, rad by root s */
 static const double stereo_sigma = 0.003;
@@ -168,6 +169,10 @@ static void own_sigmas(const struct fv_odometry *odometry, double depth, double 
                        double *turn)
 {
     fv_odometry_own_sigmas(odometry, position, turn);
+    if (!(*position > 0)) { /* the pictures do not determine it */
+        *position = unknown_sigma * depth;
+        *turn = unknown_sigma;
+    }
     *position *= own_share;
     *turn *= own_share;
     if (*position < position_sigma_least * depth) *position = position_sigma_least * depth;
@@ -228,10 +233,12 @@ static bool same_world(const struct fv_inertial_stage_state *s, const struct fv_
 /* Whether the gyro's bias is known: by this map, or by one before. */
 static bool turns_known(const struct fv_inertial_stage *stage)
 {
-    enum { GYRO = FV_INERTIAL_OWN * (FV_INERTIAL_TAIL + 1) }; /* the first of the gyro's biases */
     const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
-    const double most = gyro_bias_sigma_max * gyro_bias_sigma_max;
-    return (e->known && e->covariance[GYRO] < most) ||
+    double most = 0; /* variance of a bias */
+    for (int i = FV_INERTIAL_OWN; i < FV_INERTIAL_TAIL; i++)
+        if (e->covariance[i * (FV_INERTIAL_TAIL + 1)] > most)
+            most = e->covariance[i * (FV_INERTIAL_TAIL + 1)];
+    return (e->known && most < gyro_bias_sigma_max * gyro_bias_sigma_max) ||
            stage->estimator.state->bias_sigma[0] < gyro_bias_sigma_max;
 }
 

@@ -347,6 +347,22 @@ static void test_every_third_station_asks_for_an_estimate(void **state)
     }
 }
 
+/* A sensor that sits otherwise than stated is a misfit, and no poses are corrected for it. */
+static void test_a_wrong_mount_is_a_misfit(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 4; seed++) {
+        const double off[3] = {0.05, -0.04, 0.04};
+        double turn[9], R[9];
+        begin(0);
+        fv_so3_exp(off, turn);
+        fv_multiply33(inertial.config.T_cam_imu.R, turn, R);
+        memcpy(inertial.config.T_cam_imu.R, R, sizeof R);
+        run(LIVELY, 8, 0.003, seed);
+        assert_true(fv_inertial_result(&inertial)->misfit > 8);
+    }
+}
+
 /* Longer than the window: the scale here is that of the end, that of the whole way its mean. */
 static void test_scale_of_the_whole_way(void **state)
 {
@@ -471,6 +487,7 @@ int main(void)
         cmocka_unit_test(test_a_station_that_is_far_off_counts_for_less),
         cmocka_unit_test(test_an_estimate_comes_back_to_where_it_was),
         cmocka_unit_test(test_every_third_station_asks_for_an_estimate),
+        cmocka_unit_test(test_a_wrong_mount_is_a_misfit),
         cmocka_unit_test(test_scale_of_the_whole_way),
         cmocka_unit_test(test_no_scale_without_acceleration),
         cmocka_unit_test(test_metric_poses_at_rest),
