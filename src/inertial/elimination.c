@@ -14,13 +14,13 @@ enum {
     NEXT = OWN,
     SHARED = 2 * OWN,
     LINK = 9, /* errors of a link */
-    TURN = 0,
-    OFFSET = 3,
-    VELOCITY = 6,
-    SCALE = 9,
-    BIAS = 10,
-    DOWN = 13,
-    GYRO = 0,
+    TURN = FV_INERTIAL_TURN,
+    OFFSET = FV_INERTIAL_OFFSET,
+    VELOCITY = FV_INERTIAL_VELOCITY,
+    SCALE = FV_INERTIAL_SCALE,
+    BIAS = FV_INERTIAL_ACCELERATION_BIAS,
+    DOWN = FV_INERTIAL_DOWN,
+    GYRO = FV_INERTIAL_GYRO_BIAS - OWN, /* among the shared */
     PLAIN_ITERATIONS = 3 /* until errors of poses are what they are and not those of a beginning */
 };
 
@@ -402,7 +402,7 @@ static void hand_on(struct fv_inertial *inertial, uint32_t i)
     struct fv_inertial_state *state = inertial->state;
     struct fv_inertial_prior *prior = &state->hand_on[i];
     const bool sure = state->estimate.known && state->estimate.scale_sigma < handed_sigma_max;
-    if (i == 0) state->handed = sure ? FV_INERTIAL_STATIONS_PER_ESTIMATE : 0;
+    if (i == 0) state->handed = sure ? FV_INERTIAL_ROOM : 0;
     if (state->handed == 0) return;
     prior->known = true;
     memcpy(prior->H, state->tail, sizeof state->tail);
@@ -443,7 +443,7 @@ bool fv_inertial_eliminate(struct fv_inertial *inertial, uint32_t i)
     for (int r = 0; r < OWN; r++) /* what its step saves */
         state->square -= station->gradient[r] * column[r];
     state->errors += LINK + 6 + 6 - OWN;
-    if (i < FV_INERTIAL_STATIONS_PER_ESTIMATE) hand_on(inertial, i);
+    if (i < FV_INERTIAL_ROOM) hand_on(inertial, i);
     return true;
 }
 

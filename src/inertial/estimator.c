@@ -16,13 +16,10 @@ enum {
     ELIMINATED_PER_UNIT = 4,
     STEPPED_PER_UNIT = 16,
     SHAKE_SAMPLES = 400,
-    DOWN = 13 /* first of gravity's direction among a station's variables */
+    SCALE = FV_INERTIAL_SCALE,
+    DOWN = FV_INERTIAL_DOWN,
+    GYRO = FV_INERTIAL_GYRO_BIAS
 };
-
-/* What the oldest stations hand on comes of one unit, so it is of one pass. */
-_Static_assert(ELIMINATED_PER_UNIT >= (int)FV_INERTIAL_STATIONS_PER_ESTIMATE &&
-                   STATIONS_MIN > (int)FV_INERTIAL_STATIONS_PER_ESTIMATE,
-               "a unit eliminates all that may have to go");
 
 static const int64_t gap_max_ns = 60000000; /* between samples */
 /* Of biases, from those that a link was summed with: beyond, its samples are summed again. */
@@ -63,7 +60,7 @@ static void keep_biases(struct fv_inertial_state *s)
     if (!e->known) return;
     double gyro = 0, acceleration = 0;
     for (int i = 0; i < 3; i++) {
-        const int a = FV_INERTIAL_ACCELERATION_BIAS + i, g = FV_INERTIAL_TAIL - 3 + i;
+        const int a = FV_INERTIAL_ACCELERATION_BIAS + i, g = GYRO + i;
         gyro += e->covariance[g * (FV_INERTIAL_TAIL + 1)] / 3;
         acceleration += e->covariance[a * (FV_INERTIAL_TAIL + 1)] / 3;
     }
@@ -226,9 +223,11 @@ static void drop_oldest(struct fv_inertial *inertial)
     s->first = (s->first + 1) % FV_INERTIAL_STATIONS_MAX;
     s->count--;
     if (s->phase != FV_INERTIAL_IDLE) s->waiting = FV_INERTIAL_STATIONS_PER_ESTIMATE; /* again */
+    if (s->phase == FV_INERTIAL_ELIMINATE && s->next > 0 && s->next < FV_INERTIAL_ROOM)
+        s->handed = 0; /* of two passes */
     s->phase = FV_INERTIAL_IDLE;
     s->prior.known = false;
-    if (s->handed > 0) s->prior = s->hand_on[FV_INERTIAL_STATIONS_PER_ESTIMATE - s->handed--];
+    if (s->handed > 0) s->prior = s->hand_on[FV_INERTIAL_ROOM - s->handed--];
 }
 
 /* The newest station's samples so far: those that the one before has of its time, and the last
@@ -407,6 +406,8 @@ void fv_inertial_begin(struct fv_inertial *inertial)
     struct fv_inertial_state *s = inertial->state;
     s->waiting = 0;
     skip_cuts(inertial);
+    while (s->count > FV_INERTIAL_WINDOW)
+        drop_oldest(inertial);
     uint32_t part = 0;
     while (part + 1 < s->count && fv_inertial_station_at(inertial, part)->closed)
         part++;
@@ -466,12 +467,12 @@ static void move_own(struct fv_inertial_own *own, const double step[FV_INERTIAL_
 {
     double across[2][3];
     for (int k = 0; k < 3; k++) {
-        own->turn[k] += step[k];
-        own->offset[k] += step[3 + k];
-        own->velocity[k] += step[6 + k];
-        own->acceleration_bias[k] += step[10 + k];
+        own->turn[k] += step[FV_INERTIAL_TURN + k];
+        own->offset[k] += step[FV_INERTIAL_OFFSET + k];
+        own->velocity[k] += step[FV_INERTIAL_VELOCITY + k];
+        own->acceleration_bias[k] += step[FV_INERTIAL_ACCELERATION_BIAS + k];
     }
-    own->scale += step[9];
+    own->scale += step[SCALE];
     if (own->scale < scale_least) own->scale = scale_least;
     fv_inertial_across(own->down, across);
     for (int k = 0; k < 3; k++)
@@ -513,7 +514,7 @@ static void finish(struct fv_inertial *inertial)
     struct fv_inertial_estimate *e = &s->estimate;
     const struct fv_inertial_station *newest = fv_inertial_station_at(inertial, s->taking_part - 1);
     const double *C = e->covariance;
-    const int down = DOWN * (FV_INERTIAL_TAIL + 1), scale = 9 * (FV_INERTIAL_TAIL + 1);
+    const int down = DOWN * (FV_INERTIAL_TAIL + 1), scale = SCALE * (FV_INERTIAL_TAIL + 1);
     e->own = newest->now;
     e->shared = s->shared;
     fv_copy3(e->own.down, s->down);
@@ -540,13 +541,12 @@ static void back_unit(struct fv_inertial *inertial)
     const double *x = s->solution;
     if (s->next + 1 == s->taking_part) { /* the newest and the shared go first */
         struct fv_inertial_own *own = &fv_inertial_station_at(inertial, s->next)->now;
-        s->moved_far = fv_abs(x[9]) > far_scale * own->scale;
+        s->moved_far = fv_abs(x[SCALE]) > far_scale * own->scale;
         for (int k = DOWN; k < FV_INERTIAL_TAIL; k++)
-            s->moved_far =
-                s->moved_far || fv_abs(x[k]) > (k < FV_INERTIAL_OWN ? far_down : far_bias);
+            s->moved_far = s->moved_far || fv_abs(x[k]) > (k < GYRO ? far_down : far_bias);
         move_own(own, x);
         for (int k = 0; k < 3; k++)
-            s->shared.gyro_bias[k] += x[FV_INERTIAL_OWN + k];
+            s->shared.gyro_bias[k] += x[GYRO + k];
     }
     for (int n = 0; n < STEPPED_PER_UNIT && s->next > 0; n++) {
         s->next--;

@@ -22,8 +22,8 @@
  * much take the errors of the samples for theirs, which costs less the larger the scale is, and the
  * scale comes out too large. In simulation and on EuRoC second differences of stations, less what
  * the samples say, are correlated by -.6 to -.7 with the next; of independent errors it is -.67. A
- * station that errs by more than it states counts for less (Huber's function), and one that errs by
- * more than six sigmas states that from then on.
+ * station that errs by more than it states counts for less (Huber's function). While at most a
+ * fourth of them do, one that errs by more than six sigmas states that from then on.
  *
  * The noise of the samples is what the configuration states or, where the sensor is shaken, what
  * they show: on EuRoC's drone forces are 30 to 50 times noisier than the data sheet says, at rest 5
@@ -52,14 +52,21 @@ extern "C" {
 #endif
 
 enum {
-    FV_INERTIAL_STATIONS_MAX = 96,
+    FV_INERTIAL_WINDOW = 96, /* stations of an estimate */
+    FV_INERTIAL_ROOM = 6,    /* for those that come while one is made, which they would break off */
+    FV_INERTIAL_STATIONS_MAX = FV_INERTIAL_WINDOW + FV_INERTIAL_ROOM,
     FV_INERTIAL_SAMPLES_MAX = 320,
     FV_INERTIAL_STATIONS_PER_ESTIMATE = 3, /* so many new ones make another estimate worth while */
-    /* variables of a station: turn, position, velocity, scale, acceleration bias, direction of
-     * gravity */
+    /* Variables of a station, by where each begins, and those of all: a tail is both. */
+    FV_INERTIAL_TURN = 0,
+    FV_INERTIAL_OFFSET = 3,
+    FV_INERTIAL_VELOCITY = 6,
+    FV_INERTIAL_SCALE = 9,
+    FV_INERTIAL_ACCELERATION_BIAS = 10,
+    FV_INERTIAL_DOWN = 13, /* gravity's direction: two */
     FV_INERTIAL_OWN = 15,
-    FV_INERTIAL_ACCELERATION_BIAS = 10, /* the first of it among these */
-    FV_INERTIAL_SHARED = 3,             /* of all: gyro bias */
+    FV_INERTIAL_GYRO_BIAS = FV_INERTIAL_OWN,
+    FV_INERTIAL_SHARED = 3,
     FV_INERTIAL_TAIL = FV_INERTIAL_OWN + FV_INERTIAL_SHARED,
     FV_INERTIAL_PAIR = 2 * FV_INERTIAL_OWN + FV_INERTIAL_SHARED
 };
@@ -149,7 +156,8 @@ struct fv_inertial_estimate {
     double covariance[FV_INERTIAL_TAIL * FV_INERTIAL_TAIL];
     double across[2][3];
     double scale_sigma; /* relative */
-    double log_scale;   /* natural, of the whole way: the mean of all stations since the restart */
+    double log_scale; /* natural, of the whole way: the mean of all stations since the restart, but
+                         for those before a cut */
     double gravity_sigma; /* rad, of an axis */
     double misfit;        /* squared errors over what they should be */
 };
@@ -176,7 +184,7 @@ struct fv_inertial_state {
     struct fv_inertial_shared shared;
     double gyro_bias[3], acceleration_bias[3], down[3]; /* to begin with */
     double bias_sigma[2];                               /* gyro, acceleration */
-    struct fv_inertial_prior prior, hand_on[FV_INERTIAL_STATIONS_PER_ESTIMATE];
+    struct fv_inertial_prior prior, hand_on[FV_INERTIAL_ROOM];
     struct fv_inertial_estimate estimate;
     double scale_drift;        /* squared, relative, per second */
     double tilt_drift;         /* squared, rad of an axis, per second */

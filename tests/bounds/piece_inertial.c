@@ -11,7 +11,7 @@ LIMIT(INTEGRATED_PER_UNIT, INERTIAL_INTEGRATED);
 LIMIT(ELIMINATED_PER_UNIT, INERTIAL_ELIMINATED);
 LIMIT(STEPPED_PER_UNIT, INERTIAL_STEPPED);
 
-enum { STATIONS = FV_INERTIAL_STATIONS_MAX };
+enum { STATIONS = FV_INERTIAL_WINDOW };
 
 struct estimating {
     struct fovea *rt;
@@ -69,12 +69,12 @@ static void step_back(void *context)
 static void of_beginnings(struct estimating *w)
 {
     for (int cut = 0; cut < 2; cut++) {
-        inertial_case_fill(w->rt, STATIONS);
+        inertial_case_fill(w->rt, FV_INERTIAL_STATIONS_MAX);
         inertial_case_claim(w->rt);
         fv_inertial_station_at(w->inertial, 0)->cut = cut == 1;
         MUST(fv_inertial_wanted(w->inertial));
         NOTE(inertial_begun, unit, w, 1);
-        MUST(w->inertial->state->taking_part == STATIONS - (uint32_t)cut);
+        MUST(w->inertial->state->taking_part == STATIONS);
     }
 }
 

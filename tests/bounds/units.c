@@ -83,7 +83,7 @@ static void derive_rest_of_map(const struct capacities *c)
 
 static void derive_inertial(void)
 {
-    const double stations = FV_INERTIAL_STATIONS_MAX;
+    const double stations = FV_INERTIAL_WINDOW;
     struct bound *b = bound_of("map: inertial estimate begun");
     TERM(b, BOUND_ALWAYS, 1, inertial_begun);
     b = bound_of("map: inertial samples summed");
