@@ -235,7 +235,7 @@ static bool turns_known(const struct fv_inertial_stage *stage)
 {
     const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
     double most = 0; /* variance of a bias */
-    for (int i = FV_INERTIAL_OWN; i < FV_INERTIAL_TAIL; i++)
+    for (int i = FV_INERTIAL_GYRO_BIAS; i < FV_INERTIAL_TAIL; i++)
         if (e->covariance[i * (FV_INERTIAL_TAIL + 1)] > most)
             most = e->covariance[i * (FV_INERTIAL_TAIL + 1)];
     return (e->known && most < gyro_bias_sigma_max * gyro_bias_sigma_max) ||
@@ -333,99 +333,6 @@ static void follow_pose(struct fv_inertial_stage *stage, const struct fv_odometr
 
 /* ---- without a picture ----------------------------------------------------------------------- */
 
-/* Derivatives of position (world) and turn (sensor, on the right) after `sum` by what the estimator
- * is unsure of. */
-static void coast_derivatives(const struct fv_inertial_stage *stage,
-                              const struct fv_preintegration *sum, double J[6 * FV_INERTIAL_TAIL])
-{
-    enum { TAIL = FV_INERTIAL_TAIL, VELOCITY = 6, BIAS = 10, DOWN = 13, GYRO = 15 };
-    const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
-    const double *R = stage->state->live.T_world_imu.R, t = sum->time_s;
-    double P[9], RP[9], RA[9], RG[9];
-    memset(J, 0, 6 * TAIL * sizeof *J);
-    fv_cross_matrix(sum->position, P);
-    fv_multiply33(R, P, RP);
-    fv_multiply33(R, sum->position_acceleration, RA);
-    fv_multiply33(R, sum->position_gyro, RG);
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++) {
-            J[r * TAIL + c] = -RP[3 * r + c];
-            J[r * TAIL + VELOCITY + c] = r == c ? t : 0;
-            J[r * TAIL + BIAS + c] = RA[3 * r + c];
-            J[r * TAIL + GYRO + c] = RG[3 * r + c];
-            if (c < 2) J[r * TAIL + DOWN + c] = gravity_m_s2 * t * t / 2 * e->across[c][r];
-            J[(3 + r) * TAIL + GYRO + c] = sum->turn_gyro[3 * r + c];
-        }
-}
-
-/* Covariance of the motion since the last pose: of the sensor's position in world and its turn. */
-static void coast_covariance(const struct fv_inertial_stage *stage,
-                             const struct fv_preintegration *sum, double S[36])
-{
-    enum { TAIL = FV_INERTIAL_TAIL };
-    const double *C = fv_inertial_result(&stage->estimator)->covariance,
-                 *R = stage->state->live.T_world_imu.R, t = sum->time_s;
-    double J[6 * TAIL], JC[6 * TAIL], block[9], turned[9];
-    coast_derivatives(stage, sum, J);
-    for (int r = 0; r < 6; r++)
-        for (int c = 0; c < TAIL; c++) {
-            JC[r * TAIL + c] = 0;
-            for (int k = 0; k < TAIL; k++)
-                JC[r * TAIL + c] += J[r * TAIL + k] * C[k * TAIL + c];
-        }
-    for (int r = 0; r < 6; r++)
-        for (int c = 0; c < 6; c++) {
-            S[6 * r + c] = r == c && r < 3 ? stage->state->live.variance * t * t : 0;
-            for (int k = 0; k < TAIL; k++)
-                S[6 * r + c] += JC[r * TAIL + k] * J[c * TAIL + k];
-        }
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            block[3 * r + c] = sum->covariance[9 * (6 + r) + 6 + c];
-    fv_multiply33(R, block, turned);
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++) {
-            S[6 * r + c] += fv_dot3(turned + 3 * r, R + 3 * c);
-            S[6 * (3 + r) + 3 + c] += sum->covariance[9 * r + c];
-        }
-}
-
-/* The same of the camera, on its side and as structs hold it. */
-static void coast_covariance_of_camera(const struct fv_inertial_stage *stage,
-                                       const struct fv_preintegration *sum, const double R[9],
-                                       double out[21])
-{
-    double S[36], own[36], sensor[21];
-    coast_covariance(stage, sum, S);
-    for (int r = 0; r < 6; r++)
-        for (int c = 0; c < 6; c++) {
-            double value = 0;
-            for (int k = 0; k < 3; k++)
-                for (int m = 0; m < 3; m++)
-                    value += (r < 3 ? R[3 * k + r] : k == r - 3) *
-                             (c < 3 ? R[3 * m + c] : m == c - 3) *
-                             S[6 * (r < 3 ? k : 3 + k) + (c < 3 ? m : 3 + m)];
-            own[6 * r + c] = value;
-        }
-    for (int r = 0, k = 0; r < 6; r++)
-        for (int c = r; c < 6; c++, k++)
-            sensor[k] = own[6 * r + c];
-    fv_se3_carry_covariance(&stage->estimator.config.T_cam_imu, sensor, out);
-}
-
-static double coast_velocity_sigma(const struct fv_inertial_stage *stage,
-                                   const struct fv_preintegration *sum)
-{
-    static const int acceleration[3] = {15, 18, 20}; /* on the diagonal of the biases' covariance */
-    const struct fv_inertial_stage_state *s = stage->state;
-    const double t = sum->time_s, tilt = gravity_m_s2 * s->known.gravity_sigma * t;
-    double variance = s->live.variance + tilt * tilt;
-    for (int i = 0; i < 3; i++)
-        variance +=
-            (sum->covariance[10 * (3 + i)] + t * t * s->known.bias_covariance[acceleration[i]]) / 3;
-    return __builtin_sqrt(variance);
-}
-
 /* The frame has none. */
 static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                   int64_t stamp_ns)
@@ -443,9 +350,9 @@ static void coast(struct fv_inertial_stage *stage, const struct fv_odometry *odo
         return;
     camera_motion(stage, &sum, s->known.gravity, &s->known.T_last_now, velocity);
     fv_inertial_live_predict(&s->live, &sum, s->known.gravity, &T_world_imu, velocity);
-    coast_covariance_of_camera(stage, &sum, T_world_imu.R, s->known.covariance);
+    fv_inertial_stage_coast_covariance(stage, &sum, T_world_imu.R, s->known.covariance);
     write_moving(stage, &T_world_imu, velocity);
-    s->known.velocity_sigma = coast_velocity_sigma(stage, &sum);
+    s->known.velocity_sigma = fv_inertial_stage_coast_velocity_sigma(stage, &sum);
     fv_inertial_stage_still_stay(stage, stamp_ns);
     s->known.coasting = true;
 }
@@ -512,7 +419,7 @@ static void write_known(struct fv_inertial_known *known, const struct fv_inertia
                         double sigma_least)
 {
     const double sigma2 = e->scale_sigma * e->scale_sigma + sigma_least * sigma_least;
-    const int gyro = FV_INERTIAL_TAIL - 3, acceleration = FV_INERTIAL_ACCELERATION_BIAS;
+    const int gyro = FV_INERTIAL_GYRO_BIAS, acceleration = FV_INERTIAL_ACCELERATION_BIAS;
     known->claimed = true;
     known->scale = e->own.scale;
     known->map_scale = fv_exp(e->log_scale);
@@ -543,7 +450,7 @@ static void correct_velocity(struct fv_inertial_stage *stage, const struct fv_in
         live->velocity[i] += more;
         for (uint32_t k = e->stations; k < fv_inertial_station_count(&stage->estimator); k++)
             fv_inertial_station_at(&stage->estimator, k)->live[i] += more; /* so were they */
-        variance += e->covariance[(6 + i) * (FV_INERTIAL_TAIL + 1)] / 3;
+        variance += e->covariance[(FV_INERTIAL_VELOCITY + i) * (FV_INERTIAL_TAIL + 1)] / 3;
     }
     live->variance = variance;
 }

@@ -143,6 +143,15 @@ bool fv_inertial_stage_mount(const struct fv_inertial_stage *stage,
 
 /* ---- between the stage's own files ----------------------------------------------------------- */
 
+/* Of the motion since the last pose, by `sum`, after which the sensor's attitude is R: covariance
+ * of the camera, on its side and as that of struct fovea_pose, in metres; and sigma of its
+ * velocity. */
+void fv_inertial_stage_coast_covariance(const struct fv_inertial_stage *stage,
+                                        const struct fv_preintegration *sum, const double R[9],
+                                        double out[21]);
+double fv_inertial_stage_coast_velocity_sigma(const struct fv_inertial_stage *stage,
+                                              const struct fv_preintegration *sum);
+
 void fv_inertial_stage_init_clocks(struct fv_inertial_stage *stage);
 /* After a frame with a pose: from now on samples are moved by clock->moved_ns. True: that is so far
  * from what it was that nothing of before holds. */

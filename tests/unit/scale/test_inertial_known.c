@@ -18,7 +18,7 @@ enum {
     SAMPLES_A_FRAME = 10,
     SAMPLE_NS = 5000000,
     TAIL = FV_INERTIAL_TAIL,
-    SCALE = 9,
+    VELOCITY = 6,
     BIAS = 10,
     DOWN = 13,
     GYRO = 15 /* columns of the covariance */
@@ -59,6 +59,7 @@ static void test_what_is_claimed_is_of_the_right_variables(void **state)
     (void)state;
     static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
     struct fv_inertial_estimate *e = &stage.estimator.state->estimate;
+    e->log_scale = 1;
     e->covariance[GYRO * TAIL + BIAS + 1] = e->covariance[(BIAS + 1) * TAIL + GYRO] = 5e-7;
     for (int i = 0; i < 3; i++) {
         e->own.acceleration_bias[i] = 0.1 * (i + 1);
@@ -67,6 +68,7 @@ static void test_what_is_claimed_is_of_the_right_variables(void **state)
     fv_inertial_stage_unit(&stage, NULL);
     const struct fv_inertial_known *known = fv_inertial_stage_known(&stage);
     assert_true(known->scale == 2);
+    assert_true(known->map_scale > 2.71828 && known->map_scale < 2.71829);
     assert_true(known->gravity[0] == 0 && known->gravity[1] > 9.8 && known->gravity[2] == 0);
     for (int i = 0; i < 3; i++) {
         assert_true(known->biases.gyro[i] == 0.01 * (i + 1));
@@ -160,6 +162,21 @@ static void step(const struct fv_odometry *odometry, int64_t stamp_ns)
     fv_inertial_stage_step(&stage, odometry, stamp_ns);
 }
 
+/* Metres are known, and poses are about to come. */
+static void begin_velocity(struct fv_odometry_state *s)
+{
+    memset(s, 0, sizeof *s);
+    s->pose.map_scale = 1;
+    s->pose.posed = true;
+    s->pose.state = FOVEA_TRACKING_OK;
+    fv_se3_to_rows(&(struct fv_se3){.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, s->pose.T_world_cam);
+    stage.state->known.scale = 10;
+    stage.state->known.gravity[1] = 9.80665;
+    stage.state->begun = true;
+    stage.state->depth = 5;
+    stage.state->station_ns = 40000000; /* too near for the next */
+}
+
 /* The first way between two poses gives a velocity as sure as what the frames err by alone makes
  * it, in metres: sqrt(2) times 10 m per unit times somewhat more than .01 units, by .05 s. */
 static void test_a_velocity_is_as_sure_as_its_poses(void **state)
@@ -168,23 +185,61 @@ static void test_a_velocity_is_as_sure_as_its_poses(void **state)
     static struct fv_odometry_state s;
     const struct fv_odometry odometry = {.state = &s};
     struct fv_inertial_known *known = &stage.state->known;
-    memset(&s, 0, sizeof s);
+    begin_velocity(&s);
     s.covariance.own_position = 0.01;
-    s.pose.map_scale = 1;
-    s.pose.posed = true;
-    s.pose.state = FOVEA_TRACKING_OK;
-    fv_se3_to_rows(&(struct fv_se3){.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, s.pose.T_world_cam);
-    known->scale = 10;
-    known->gravity[1] = 9.80665;
-    stage.state->begun = true;
-    stage.state->depth = 5;
-    stage.state->station_ns = 40000000; /* too near for the next */
     step(&odometry, 50000000);
     assert_false(known->moving);
     step(&odometry, 100000000);
     assert_true(known->moving);
     assert_true(known->velocity_sigma > 2.8 && known->velocity_sigma < 4.3);
     assert_true(fv_norm3(known->velocity) < 0.01);
+}
+
+/* After two seconds without a picture: each variance of the estimate by its own derivative. */
+static void test_what_is_unsure_while_coasting(void **state)
+{
+    (void)state;
+    enum { X = 0, Y = 6, Z = 11, TURN_X = 15 }; /* on the diagonal of the triangle */
+    struct fv_inertial_estimate *e = &stage.estimator.state->estimate;
+    struct fv_preintegration sum = {.time_s = 2};
+    const double R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, g = 9.80665, t = sum.time_s;
+    double out[21], *C = e->covariance;
+    memcpy(stage.state->live.T_world_imu.R, R, sizeof R);
+    stage.state->live.variance = 0.01;
+    for (int i = 0; i < 3; i++) {
+        sum.position_acceleration[4 * i] = 0.5;
+        sum.position_gyro[4 * i] = 0.25;
+        sum.turn_gyro[4 * i] = -t;
+    }
+    e->across[0][0] = e->across[1][2] = 1;
+    fv_inertial_stage_coast_covariance(&stage, &sum, R, out);
+#define OF(column) C[(column) * (TAIL + 1)]
+    for (int i = 0; i < 3; i++) {
+        static const int at[3] = {X, Y, Z};
+        const double down = i == 0   ? OF(DOWN)
+                            : i == 2 ? OF(DOWN + 1)
+                                     : 0,
+                     expected = t * t * (0.01 + OF(VELOCITY + i)) + 0.25 * OF(BIAS + i) +
+                                0.0625 * OF(GYRO + i) + g * t * t / 2 * g * t * t / 2 * down;
+        assert_true(out[at[i]] > 0.999999 * expected && out[at[i]] < 1.000001 * expected);
+    }
+    assert_true(out[TURN_X] > 0.999999 * t * t * OF(GYRO) &&
+                out[TURN_X] < 1.000001 * t * t * OF(GYRO));
+#undef OF
+}
+
+/* Where the pictures do not determine a pose it is not the surest: as unsure as a tenth of the
+ * distance of what is seen makes the velocity. */
+static void test_a_pose_that_is_not_determined_says_little(void **state)
+{
+    (void)state;
+    static struct fv_odometry_state s;
+    const struct fv_odometry odometry = {.state = &s};
+    begin_velocity(&s);
+    s.covariance.own_position = 0;
+    step(&odometry, 50000000);
+    step(&odometry, 100000000);
+    assert_true(stage.state->known.moving && stage.state->known.velocity_sigma > 50);
 }
 
 int main(void)
@@ -195,6 +250,8 @@ int main(void)
         cmocka_unit_test_setup(test_biases_stay_as_sure_as_they_are, set_up),
         cmocka_unit_test_setup(test_turns_wait_for_the_bias_and_use_it_at_once, set_up),
         cmocka_unit_test_setup(test_a_velocity_is_as_sure_as_its_poses, set_up),
+        cmocka_unit_test_setup(test_what_is_unsure_while_coasting, set_up),
+        cmocka_unit_test_setup(test_a_pose_that_is_not_determined_says_little, set_up),
         cmocka_unit_test_setup(test_own_sigmas_are_in_the_unit_of_the_world, set_up),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
