@@ -41,8 +41,7 @@ static void scale_enter(struct fv_scale_state *s, uint32_t map, const struct fv_
     s->known = brought->scale.source != FOVEA_SCALE_FREE;
     s->source = brought->scale.source;
     s->map_scale = brought->S_map_world.s;
-    s->map_log_scale = s->log_scale = s->prior =
-        s->known ? brought->scale.log_scale - fv_log(s->map_scale) : 0;
+    s->log_scale = s->prior = s->known ? brought->scale.log_scale - fv_log(s->map_scale) : 0;
     s->variance = s->prior_variance = brought->scale.variance;
     s->station_count = 0;
     s->station_next = s->fitted = s->gathering = 0;
@@ -116,7 +115,6 @@ static void scale_follow(struct fv_scale_state *s, double map_scale)
     if (map_scale == s->map_scale) return;
     const double longer = fv_log(map_scale / s->map_scale);
     s->log_scale -= longer; /* where nothing is known it says nothing */
-    s->map_log_scale -= longer;
     s->prior -= longer;
     s->map_scale = map_scale;
 }
@@ -139,7 +137,6 @@ static void take_inertial(struct fv_scale_state *s, const struct fv_inertial_kno
     s->known = true;
     s->source = FOVEA_SCALE_INERTIAL;
     s->log_scale = fv_log(inertial->scale) - fv_log(s->map_scale);
-    s->map_log_scale = fv_log(inertial->map_scale) - fv_log(s->map_scale);
     s->variance = inertial->scale_sigma * inertial->scale_sigma;
 }
 
@@ -167,9 +164,10 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry,
         compare_distances(scale, odometry);
     s->started = true;
     if (!s->known) return;
-    if (inertial == NULL) s->map_log_scale = s->log_scale;
-    const struct fv_map_scale kept = {s->source, 0, s->map_log_scale + fv_log(s->map_scale),
-                                      s->variance};
+    /* What is kept is of the map as a whole, where that is known apart. */
+    const double log_scale =
+        inertial != NULL ? fv_log(inertial->map_scale) : s->log_scale + fv_log(s->map_scale);
+    const struct fv_map_scale kept = {s->source, 0, log_scale, s->variance};
     fv_odometry_keep_scale(odometry, &kept);
 }
 

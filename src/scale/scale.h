@@ -62,7 +62,6 @@ struct fv_scale_state {
     bool known;
     uint32_t source;              /* that it is known from */
     double log_scale, variance;   /* natural logarithm of metres per unit, and its variance */
-    double map_log_scale;         /* of the map as a whole: what is kept with it */
     double prior, prior_variance; /* the same, as the map brought it; a variance of 0: nothing */
     double map_scale; /* units of the map per unit of the continuous world, at the last step */
     uint32_t map;     /* that all this belongs to */

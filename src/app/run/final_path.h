@@ -4,7 +4,8 @@
  * Frames go through a wait-free ring to the watching thread and from there to a temporary file. A
  * keyframe that leaves the map is remembered relative to the nearest one that stays, so that
  * corrections still reach it; at the end all are put in place, last left first. Each map (worlds
- * differ after a reset) gets the scale that was known when it ended. Memory beside the ring: 128
+ * differ after a reset) gets its own scale (fovea_map_scale_get), or where it is gone the one that
+ * was known with its last frame. Memory beside the ring: 128
  * bytes per keyframe that ever was. */
 #ifndef FOVEA_APP_RUN_FINAL_PATH_H
 #define FOVEA_APP_RUN_FINAL_PATH_H
