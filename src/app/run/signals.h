@@ -10,9 +10,10 @@
  * A call of support/stall.h that has waited for FV_SIGNALS_STALL_MS is named in a line on stderr.
  * After a signal, when one has waited for FV_SIGNALS_PATIENCE_MS, or for a disk for
  * FV_SIGNALS_DISK_MS, and nothing else was written in that time, the program ends with
- * FV_EXIT_FAILED and a line that says what is lost. FV_SIGNALS_PATIENCE_MS in which it does not
- * compute, though this program has the processor, are left to what is still being opened when the
- * signal comes, and FV_SIGNALS_DISK_MS in all; then the signal ends the program. */
+ * FV_EXIT_FAILED and a line that says what is lost. What is still being opened
+ * when the signal comes may go on while it computes, for FV_SIGNALS_DISK_MS at most, and otherwise
+ * for FV_SIGNALS_PATIENCE_MS; then the signal ends the program. Time in which this program has no
+ * processor does not count. */
 #ifndef FOVEA_APP_RUN_SIGNALS_H
 #define FOVEA_APP_RUN_SIGNALS_H
 
