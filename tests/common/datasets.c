@@ -28,6 +28,14 @@ const char *fv_test_folder(char path[FV_TEST_PATH_BYTES])
     return path;
 }
 
+const char *fv_test_folder_in_memory(char path[FV_TEST_IN_MEMORY_BYTES])
+{
+    snprintf(path, FV_TEST_IN_MEMORY_BYTES, "%s/fovea-test-XXXXXX",
+             access("/dev/shm", W_OK) == 0 ? "/dev/shm" : "/tmp");
+    need(mkdtemp(path) != NULL, "no folder", path);
+    return path;
+}
+
 static int remove_one(const char *path, const struct stat *about, int kind, struct FTW *walk)
 {
     (void)about;

@@ -17,6 +17,10 @@ enum { FV_TEST_WIDTH = 96, FV_TEST_HEIGHT = 64, FV_TEST_FRAMES = 12, FV_TEST_PAT
 
 /* A new folder that fv_test_folder_remove takes away with all that is in it. Returns `path`. */
 const char *fv_test_folder(char path[FV_TEST_PATH_BYTES]);
+/* The same in memory where that can be had: for what is judged as it runs by the clock, since
+ * others' writes can hold up a disk for seconds. */
+enum { FV_TEST_IN_MEMORY_BYTES = 32 };
+const char *fv_test_folder_in_memory(char path[FV_TEST_IN_MEMORY_BYTES]);
 void fv_test_folder_remove(const char *path);
 /* One for all tests of a program, as fixtures of CMocka. */
 extern char fv_test_place[FV_TEST_PATH_BYTES];

@@ -28,7 +28,7 @@
 #include "common/datasets.h"
 #include "common/program.h"
 
-static char folder[] = "/tmp/fovea_ends_XXXXXX";
+static char folder[FV_TEST_IN_MEMORY_BYTES];
 static char recording[64], map[64], errors[64];
 
 /* What a child does before its command. */
@@ -392,7 +392,7 @@ int main(void)
         cmocka_unit_test(test_a_quiet_run_leaves_no_picture),
         cmocka_unit_test(test_other_commands_end_by_signals),
     };
-    if (mkdtemp(folder) == NULL) return 1;
+    fv_test_folder_in_memory(folder);
     snprintf(recording, sizeof recording, "%s/run.lcm", folder);
     snprintf(map, sizeof map, "%s/run.map", folder);
     snprintf(errors, sizeof errors, "%s/errors", folder);

@@ -36,7 +36,7 @@
 #include "drivers/clock.h"
 #include "support/lcmlog.h"
 
-static char folder[] = "/tmp/fovea_host_XXXXXX";
+static char folder[FV_TEST_IN_MEMORY_BYTES];
 static char recording[64], map[64], errors[64], disk[64];
 
 /* By how much the wall clock of this test and of its children is set. Monotonic clocks cannot be.
@@ -366,7 +366,8 @@ int main(void)
     };
     set_by_ns =
         mmap(NULL, sizeof *set_by_ns, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-    if (set_by_ns == MAP_FAILED || mkdtemp(folder) == NULL) return 1;
+    if (set_by_ns == MAP_FAILED) return 1;
+    fv_test_folder_in_memory(folder);
     snprintf(recording, sizeof recording, "%s/run.lcm", folder);
     snprintf(map, sizeof map, "%s/run.map", folder);
     snprintf(errors, sizeof errors, "%s/errors", folder);

@@ -13,12 +13,13 @@
 #include <cmocka.h>
 
 #include "common/build_folder.h"
+#include "common/datasets.h"
 
 #include "fovea_grants_t.h"
 #include "fovea_health_t.h"
 #include "support/lcmlog.h"
 
-static char folder[] = "/tmp/fovea_health_XXXXXX";
+static char folder[FV_TEST_IN_MEMORY_BYTES];
 
 static void shell(const char *format, ...) __attribute__((format(printf, 1, 2)));
 static void shell(const char *format, ...)
@@ -100,7 +101,7 @@ static int first_granted(void)
 
 static int granted_hot; /* of half the period: at most 0.85 * 33.3 ms / 2 in units of 0.25 ms */
 
-static void heat_is_told_and_replays(void **unused)
+static void heat_is_said_and_replays(void **unused)
 {
     (void)unused;
     char reason[128] = "";
@@ -178,19 +179,18 @@ static void a_run_goes_on_without_counters(void **unused)
 
 int main(void)
 {
-    char command[96];
     if (getenv("FOVEA_EMULATED") != NULL) {
         puts("SKIPPED: the program is not started under an emulator");
         return 0;
     }
-    if (mkdtemp(folder) == NULL) return 1;
+    fv_test_folder_in_memory(folder);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(heat_is_told_and_replays),
+        cmocka_unit_test(heat_is_said_and_replays),
         cmocka_unit_test(a_machine_that_says_nothing_is_well),
         cmocka_unit_test(counters_survive_a_kill),
         cmocka_unit_test(a_run_goes_on_without_counters),
     };
     const int failed = cmocka_run_group_tests_name("health of a run", tests, NULL, NULL);
-    snprintf(command, sizeof command, "rm -r %s", folder);
-    return system(command) != 0 || failed != 0;
+    fv_test_folder_remove(folder);
+    return failed != 0;
 }
