@@ -496,9 +496,9 @@ $(GEN_O): %.o: %.c | $(LCMGEN)
 
 # Instruction sets by file name: everything else is the architecture's baseline.
 isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
-            $(if $(findstring _avx2.c,$(1)),-mavx2 -mbmi -mbmi2 -mpopcnt)\
-            $(if $(findstring _avxvnni.c,$(1)),-mavx2 -mavxvnni -mbmi -mbmi2 -mpopcnt)\
-            $(if $(findstring _evexvnni.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mbmi -mbmi2 -mpopcnt -mprefer-vector-width=256)\
+            $(if $(findstring _avx2.c,$(1)),-mavx2 -mfma -mbmi -mbmi2 -mpopcnt)\
+            $(if $(findstring _avxvnni.c,$(1)),-mavx2 -mfma -mavxvnni -mbmi -mbmi2 -mpopcnt)\
+            $(if $(findstring _evexvnni.c,$(1)),-mfma -mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mbmi -mbmi2 -mpopcnt -mprefer-vector-width=256)\
             $(if $(findstring _avx512.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mbmi -mbmi2 -mpopcnt)\
             $(if $(findstring _avx512vnni.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mbmi -mbmi2 -mpopcnt)\
             $(if $(findstring _avx512icl.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mavx512vbmi -mavx512vbmi2 -mavx512bitalg -mavx512vpopcntdq -mbmi -mbmi2 -mpopcnt)\

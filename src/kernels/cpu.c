@@ -23,7 +23,8 @@ static bool state_saved(uint32_t bits)
 uint32_t fv_cpu_detect(void)
 {
     enum { YMM_STATE = 0x6, ZMM_STATE = 0xe6 };
-    const uint32_t leaf1 = bit_SSE4_2 | bit_SSSE3 | bit_POPCNT, avx = bit_AVX | bit_OSXSAVE;
+    const uint32_t leaf1 = bit_SSE4_2 | bit_SSSE3 | bit_POPCNT,
+                   avx = bit_AVX | bit_FMA | bit_OSXSAVE;
     const uint32_t avx2 = bit_AVX2 | bit_BMI | bit_BMI2;
     const uint32_t avx512 = bit_AVX512F | bit_AVX512BW | bit_AVX512DQ | bit_AVX512VL | bit_AVX512CD;
     const uint32_t vnni = bit_AVX512VNNI, avxvnni = 1u << 4; /* of leaf 7, subleaf 1 */

@@ -18,7 +18,7 @@ extern "C" {
 
 enum fv_isa {
     FV_ISA_SSE4 = 1u << 0,       /* SSE4.2 and POPCNT */
-    FV_ISA_AVX2 = 1u << 1,       /* AVX2, BMI1, BMI2 */
+    FV_ISA_AVX2 = 1u << 1,       /* AVX2, FMA, BMI1, BMI2 */
     FV_ISA_AVX512 = 1u << 2,     /* AVX-512 F, BW, DQ, VL, CD */
     FV_ISA_AVX512VNNI = 1u << 3, /* and VNNI */
     FV_ISA_AVX512ICL = 1u << 4,  /* and VNNI, VBMI, VBMI2, BITALG, VPOPCNTDQ */

@@ -5,11 +5,13 @@
 
 enum { SLACK = 64 };
 
-/* Multipliers, shifts and biases as real models have them, and at the ends of their ranges. */
+/* Multipliers, shifts and biases as real models have them, for all channels the same or not, and at
+ * the ends of their ranges. */
 static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier, int32_t *shift,
                          int32_t count)
 {
     const int32_t extreme = check_between(check, 0, 3) == 0;
+    const int32_t same = check_between(check, 0, 1);
     const int32_t down = check_between(check, 0, 1); /* all below one half, or zero */
     for (int32_t i = 0; i < count; i++) {
         bias[i] = check_between(check, -200000, 200000);
@@ -21,6 +23,10 @@ static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier
         if (extreme && check_between(check, 0, 9) == 0) multiplier[i] = shift[i] = 0;
         if (extreme && check_between(check, 0, 5) == 0)
             bias[i] = (int32_t)(check_random(check) << 4);
+        if (same) {
+            multiplier[i] = multiplier[0];
+            shift[i] = shift[0];
+        }
     }
 }
 
@@ -113,9 +119,51 @@ static void fill_inputs(struct check *check, uint8_t *to, ptrdiff_t count)
     }
 }
 
+/* 69,632 sums in a row, each once, by one scale: all that lead to bytes, or those near some byte.
+ */
+static void check_all_sums(struct check *check, fv_k_nn_gemm_u8_fn *reference,
+                           fv_k_nn_gemm_u8_fn *variant)
+{
+    enum { ROWS = 256, CHANNELS = 272 };
+    const int32_t multiplier = check_between(check, 0, 7)
+                                   ? (int32_t)(0x40000000u + check_random(check) % 0x40000000u)
+                                   : 0x40000000;
+    const int32_t shift = check_between(check, 0, 1) ? -9 : check_between(check, -14, 0);
+    const double scale = (double)multiplier / (double)(INT64_C(1) << (31 - shift));
+    const int32_t first = (int32_t)(check_between(check, -255, 255) / scale) - ROWS * CHANNELS / 2;
+    struct fv_nn_gemm g = {.k = 1, .k4 = 1, .n = CHANNELS};
+    int8_t *weights = check_buffer(check, CHANNELS * 4, 64, SLACK);
+    int32_t *numbers[3];
+    for (int i = 0; i < 3; i++)
+        numbers[i] = check_buffer(check, CHANNELS * 4, 64, SLACK);
+    for (int32_t c = 0; c < CHANNELS; c++) {
+        weights[4 * c] = 1;
+        numbers[0][c] = first + ROWS * c;
+        numbers[1][c] = multiplier;
+        numbers[2][c] = shift;
+    }
+    g.weights = weights;
+    g.bias = numbers[0];
+    g.multiplier = numbers[1];
+    g.shift = numbers[2];
+    check_draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
+    uint8_t *a = check_buffer(check, ROWS, 1, SLACK);
+    for (int32_t i = 0; i < ROWS; i++)
+        a[i] = (uint8_t)i;
+    uint8_t *expected = check_buffer(check, ROWS * CHANNELS, 1, 0),
+            *found = check_buffer(check, ROWS * CHANNELS, 1, 0);
+    reference(&g, a, 1, expected, CHANNELS, ROWS);
+    variant(&g, a, 1, found, CHANNELS, ROWS);
+    check_equal(check, "all sums", expected, found, ROWS * CHANNELS);
+}
+
 void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
                       fv_k_nn_gemm_u8_fn *variant)
 {
+    if (check_between(check, 0, 7) == 0) {
+        check_all_sums(check, reference, variant);
+        return;
+    }
     const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150);
     const int32_t m =
         check_between(check, 0, 9) ? check_between(check, 1, 40) : check_between(check, 120, 270);
@@ -285,7 +333,7 @@ void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *referen
     uint8_t *in = check_buffer(check, in_bytes, 1, SLACK);
     check_fill(check, in, in_bytes);
     const int32_t y = check_between(check, 0, (d.in_h + 4) / d.stride_y),
-                  rows = check_between(check, 1, 3);
+                  rows = check_between(check, 1, 7);
     const size_t bytes = (size_t)((rows * d.out_w - 1) * d.out_stride + d.channels);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
     uint8_t *scratch = depthwise_scratch(check, &d);

@@ -37,7 +37,7 @@ FV_INLINE __m256i sum32(const struct sum_job *j, const uint8_t *a, const uint8_t
     const __m256i first[2] = {sum8(j, a, b, half_a, half_b), sum8(j, a + 8, b + 8, half_a, half_b)};
     const __m256i second[2] = {sum8(j, a + 16, b + 16, half_a, half_b),
                                sum8(j, a + 24, b + 24, half_a, half_b)};
-    return two_rows(o, first, second);
+    return two_rows(o, first, second, 0);
 }
 
 FV_INLINE void sum_row(const struct sum_job *j, const uint8_t *a, const uint8_t *b, int32_t count,

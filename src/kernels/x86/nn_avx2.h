@@ -18,23 +18,24 @@ FV_INLINE __m256i load32(const void *from)
 /* Four neighbouring bytes, in every lane of 32 bits. */
 FV_INLINE __m256i four_inputs(const uint8_t *bytes)
 {
-    int32_t word;
-    memcpy(&word, bytes, 4);
-    return _mm256_set1_epi32(word);
+    return _mm256_broadcastd_epi32(_mm_loadu_si32(bytes));
 }
 
-/* How results are rounded, known when compiling: with bits ABOVE_ZERO where those below zero will
- * be clamped to zero anyway, so that their rounding does not matter, and LESSENED where all shifts
- * are below zero (load_any_scales). */
-enum { ABOVE_ZERO = 1, LESSENED = 2 };
+/* How results are made, known when compiling: with bits ABOVE_ZERO where those below zero will be
+ * clamped to zero anyway, so that their rounding does not matter, LESSENED where all shifts are
+ * below zero (load_any_scales), REAL where products of real numbers give the same bytes
+ * (nn_real_avx2.h), and TABLED where there may be a table: to look up takes registers from the sums
+ * of loops that do not. */
+enum { ABOVE_ZERO = 1, LESSENED = 2, REAL = 4, TABLED = 8 };
 
 /* Constants of 8 channels: see fv_nn_requantize. AVX2 has no arithmetic 64-bit shift: 2^62 is added
  * before the logical one and what it became, 2^(62 - right), taken off after it. LESSENED results
  * have no bits in the lower words of products: the upper ones are shifted by `more`, without
- * 2^62. `down`: the half of negative products. */
+ * 2^62. `down`: the half of negative products. REAL ones have `factor` and `offset`. */
 struct scale8 {
     __m256i multiplier, multiplier_odd, half_even, half_odd, down_even, down_odd, right_even,
         right_odd, excess, more;
+    __m256 factor, offset;
 };
 
 FV_INLINE void half_of(__m256i shift, __m256i base, __m256i *half, __m256i *down, __m256i *right)
@@ -127,9 +128,19 @@ FV_INLINE __m256i rounded(__m256i product, __m256i half, __m256i down, const int
     return _mm256_add_epi64(product, half);
 }
 
-/* Leaves the channels of each lane in the order 0 2 1 3, which store_tile undoes. */
+/* The sum times a real number, moved away from zero by the offset, to the nearest whole number. */
+FV_INLINE __m256i requantize_real(__m256i acc, const struct scale8 *s, const int mode)
+{
+    const __m256 x = _mm256_cvtepi32_ps(acc), sign = _mm256_and_ps(x, _mm256_set1_ps(-0.0F));
+    const __m256 offset = (mode & ABOVE_ZERO) != 0 ? s->offset : _mm256_or_ps(s->offset, sign);
+    return _mm256_cvtps_epi32(_mm256_fmadd_ps(x, s->factor, offset));
+}
+
+/* Leaves the channels of each lane in the order 0 2 1 3, which two_rows undoes; REAL ones as they
+ * are. */
 FV_INLINE __m256i requantize(__m256i acc, const struct scale8 *s, const int mode)
 {
+    if ((mode & REAL) != 0) return requantize_real(acc, s, mode);
     const __m256i even =
         rounded(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->down_even, mode);
     const __m256i odd = rounded(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd),
@@ -198,7 +209,8 @@ static inline void init_output(struct output *o, int32_t zero, int32_t low, int3
     if (table != NULL) load_table(&o->table, table);
 }
 
-/* The first `width` of 16 bytes, by stores that overlap. */
+/* The first `width` of 16 bytes, by stores that overlap. (Where a hot loop calls memcpy, its
+ * checked form keeps GCC from holding sums in registers.) */
 FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
 {
     static const uint8_t count_up[32] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
@@ -210,10 +222,8 @@ FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
         _mm_storel_epi64((__m128i *)(void *)(to + width - 8), _mm_shuffle_epi8(v, tail));
     } else if (width >= 4) {
         const __m128i tail = _mm_loadu_si128((const __m128i *)(const void *)(count_up + width - 4));
-        const int32_t first = _mm_cvtsi128_si32(v),
-                      last = _mm_cvtsi128_si32(_mm_shuffle_epi8(v, tail));
-        memcpy(to, &first, 4);
-        memcpy(to + width - 4, &last, 4);
+        _mm_storeu_si32(to, v);
+        _mm_storeu_si32(to + width - 4, _mm_shuffle_epi8(v, tail));
     } else {
         const int32_t all = _mm_cvtsi128_si32(v);
         for (int32_t i = 0; i < width; i++)
@@ -222,7 +232,8 @@ FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
 }
 
 /* Two rows of 16 channels, 0-7 and 8-15: results of requantize to bytes in order. */
-FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const __m256i second[2])
+FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const __m256i second[2],
+                           const int mode)
 {
     const __m256i in_order = _mm256_setr_epi8(0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15,
                                               0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15);
@@ -232,30 +243,44 @@ FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const
     if (o->is_cut) bytes = _mm256_min_epu8(_mm256_max_epu8(bytes, o->low), o->high);
     const __m256i fours =
         _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
-    const __m256i ordered = _mm256_shuffle_epi8(fours, in_order);
-    return o->has_table ? look_up(&o->table, ordered) : ordered;
+    const __m256i ordered = (mode & REAL) != 0 ? fours : _mm256_shuffle_epi8(fours, in_order);
+    return (mode & TABLED) != 0 && o->has_table ? look_up(&o->table, ordered) : ordered;
 }
 
 /* Scale ROWS rows (1, or an even number) of 16 accumulators and store the first `width` channels of
- * each. */
+ * each: step by step for all rows, since each step waits for the one before. */
 FV_INLINE void store_tile(const struct output *o, const struct scale8 scale[2], __m256i acc[][2],
                           const int ROWS, uint8_t *out, ptrdiff_t ldo, int32_t width,
                           const int mode)
 {
-#pragma GCC unroll 4
-    for (int r = 0; r < ROWS; r += 2, out += 2 * ldo) {
-        const int second = ROWS == 1 ? r : r + 1;
-        const __m256i a[2] = {requantize(acc[r][0], &scale[0], mode),
-                              requantize(acc[r][1], &scale[1], mode)};
-        __m256i b[2] = {a[0], a[1]};
-        if (second != r) {
-            b[0] = requantize(acc[second][0], &scale[0], mode);
-            b[1] = requantize(acc[second][1], &scale[1], mode);
-        }
-        const __m256i bytes = two_rows(o, a, b);
-        store_some(out, _mm256_castsi256_si128(bytes), width);
-        if (second != r) store_some(out + ldo, _mm256_extracti128_si256(bytes, 1), width);
+    const struct scale8 *low = &scale[0], *high = &scale[(mode & REAL) != 0 ? 0 : 1];
+    __m256i words[6][2], bytes[3];
+#pragma GCC unroll 6
+    for (int r = 0; r < ROWS; r++) {
+        words[r][0] = requantize(acc[r][0], low, mode);
+        words[r][1] = requantize(acc[r][1], high, mode);
     }
+#pragma GCC unroll 3
+    for (int r = 0; r < ROWS; r += 2)
+        bytes[r / 2] = two_rows(o, words[r], words[ROWS == 1 ? r : r + 1], mode);
+#pragma GCC unroll 3
+    for (int r = 0; r < ROWS; r += 2, out += 2 * ldo) {
+        store_some(out, _mm256_castsi256_si128(bytes[r / 2]), width);
+        if (ROWS > 1) store_some(out + ldo, _mm256_extracti128_si256(bytes[r / 2], 1), width);
+    }
+}
+
+/* Scale two rows of 16 accumulators and store the first `width` channels of each, the second one
+ * first. */
+FV_INLINE void store_two(const struct output *o, const struct scale8 scale[2], __m256i acc[2][2],
+                         uint8_t *first, uint8_t *second, int32_t width, const int mode)
+{
+    const struct scale8 *low = &scale[0], *high = &scale[(mode & REAL) != 0 ? 0 : 1];
+    const __m256i a[2] = {requantize(acc[0][0], low, mode), requantize(acc[0][1], high, mode)};
+    const __m256i b[2] = {requantize(acc[1][0], low, mode), requantize(acc[1][1], high, mode)};
+    const __m256i bytes = two_rows(o, a, b, mode);
+    store_some(second, _mm256_extracti128_si256(bytes, 1), width);
+    store_some(first, _mm256_castsi256_si128(bytes), width);
 }
 
 #endif

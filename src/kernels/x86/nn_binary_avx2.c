@@ -54,7 +54,7 @@ FV_INLINE __m256i many(const struct job *j, const uint8_t *a, const uint8_t *b,
     const __m256i first[2] = {eight(j, a, b, function), eight(j, a + 8, b + 8, function)};
     const __m256i second[2] = {eight(j, a + 16, b + 16, function),
                                eight(j, a + 24, b + 24, function)};
-    return two_rows(&j->output, first, second);
+    return two_rows(&j->output, first, second, 0);
 }
 
 FV_INLINE void binary(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b,

@@ -1,48 +1,84 @@
 /* The matrix product on bytes with vpmaddubsw, whose sums of 16 bits run as far as they fit
  * (nn_gemm_runs.h). A tile is four rows by 16 channels. */
 #include "kernels/kernels.h"
-#include "kernels/x86/nn_avx2.h"
+#include "kernels/x86/nn_real_avx2.h"
 
 #define VECTOR __m256i
 #define OP(name) _mm256_##name
 #define WHOLE(name) _mm256_##name##_si256
 #include "kernels/x86/nn_gemm_runs.h"
 
-/* Written out: compilers move the sums around, or to the stack and back. */
-FV_INLINE void add_products(__m256i *sum, __m256i x, __m256i w)
+/* Where four rows of inputs begin. */
+struct rows4 {
+    const uint8_t *row[ROWS];
+};
+
+#define LOAD_GROUP                                                                                 \
+    "movzwl (%[group]), %k[at]\n\t"                                                                \
+    "add $2, %[group]\n\t"                                                                         \
+    "vpbroadcastd (%[a],%[at],4), %[x]\n\t"                                                        \
+    "vpbroadcastd (%[b],%[at],4), %[y]\n\t"                                                        \
+    "vpbroadcastd (%[c],%[at],4), %[z]\n\t"                                                        \
+    "vpbroadcastd (%[d],%[at],4), %[u]\n\t"                                                        \
+    "shl $6, %[at]\n\t"                                                                            \
+    "vmovdqa (%[w],%[at]), %[w0]\n\t"                                                              \
+    "vmovdqa 32(%[w],%[at]), %[w1]\n\t"
+#define FIRST_OF(x, s0, s1)                                                                        \
+    "vpmaddubsw %[w0], %[" x "], %[" s0 "]\n\t"                                                    \
+    "vpmaddubsw %[w1], %[" x "], %[" s1 "]\n\t"
+#define NEXT_OF(x, s0, s1)                                                                         \
+    "vpmaddubsw %[w0], %[" x "], %[t]\n\t"                                                         \
+    "vpmaddubsw %[w1], %[" x "], %[" x "]\n\t"                                                     \
+    "vpaddw %[t], %[" s0 "], %[" s0 "]\n\t"                                                        \
+    "vpaddw %[" x "], %[" s1 "], %[" s1 "]\n\t"
+
+#define FIRST_GROUP                                                                                \
+    LOAD_GROUP                                                                                     \
+    FIRST_OF("x", "a0", "a1")                                                                      \
+    FIRST_OF("y", "b0", "b1") FIRST_OF("z", "c0", "c1") FIRST_OF("u", "d0", "d1")
+#define NEXT_GROUP                                                                                 \
+    LOAD_GROUP                                                                                     \
+    NEXT_OF("x", "a0", "a1")                                                                       \
+    NEXT_OF("y", "b0", "b1") NEXT_OF("z", "c0", "c1") NEXT_OF("u", "d0", "d1")
+
+/* Products of four rows with the groups of four k of a run, in sums of 16 bits. Written out:
+ * compilers move the sums around, or to the stack and back. */
+FV_INLINE void sum_run(const struct panel *p, int32_t from, int32_t end, const struct rows4 *in,
+                       __m256i sum[ROWS][2])
 {
-    __m256i products;
-    __asm__("vpmaddubsw %2, %3, %1\n\tvpaddw %1, %0, %0"
-            : "+x"(*sum), "=&x"(products)
-            : "x"(w), "x"(x));
+    const uint16_t *group = p->groups + from, *last = p->groups + end;
+    __m256i x, y, z, u, w0, w1, t, a0, a1, b0, b1, c0, c1, d0, d1;
+    uint64_t at;
+    __asm__(FIRST_GROUP "cmp %[group], %[last]\n\t"
+                        "je 2f\n"
+                        "1:\n\t" NEXT_GROUP "cmp %[group], %[last]\n\t"
+                        "jne 1b\n"
+                        "2:"
+            : [group] "+r"(group), [at] "=&r"(at), [x] "=&x"(x), [y] "=&x"(y), [z] "=&x"(z),
+              [u] "=&x"(u), [w0] "=&x"(w0), [w1] "=&x"(w1), [t] "=&x"(t), [a0] "=&x"(a0),
+              [a1] "=&x"(a1), [b0] "=&x"(b0), [b1] "=&x"(b1), [c0] "=&x"(c0), [c1] "=&x"(c1),
+              [d0] "=&x"(d0), [d1] "=&x"(d1)
+            : [last] "r"(last), [w] "r"(p->weights), [a] "r"(in->row[0]), [b] "r"(in->row[1]),
+              [c] "r"(in->row[2]), [d] "r"(in->row[3])
+            : "cc", "memory");
+    sum[0][0] = a0;
+    sum[0][1] = a1;
+    sum[1][0] = b0;
+    sum[1][1] = b1;
+    sum[2][0] = c0;
+    sum[2][1] = c1;
+    sum[3][0] = d0;
+    sum[3][1] = d1;
 }
 
-/* Products of four rows with the groups of four k of a run. */
-FV_INLINE void add_run(const struct panel *p, int32_t from, int32_t end, const uint8_t *a,
-                       ptrdiff_t lda, __m256i acc[ROWS][2])
+/* Adds the sums of a run, pair by pair, to those so far. */
+FV_INLINE void add_sums(__m256i sum[ROWS][2], __m256i so_far[ROWS][2], __m256i acc[ROWS][2])
 {
     const __m256i ones = _mm256_set1_epi16(1);
-    __m256i sum[ROWS][2];
-#pragma GCC unroll 4
-    for (int r = 0; r < ROWS; r++)
-        sum[r][0] = sum[r][1] = _mm256_setzero_si256();
-    const uint16_t *group = p->groups + from, *last = p->groups + end;
-    const uint8_t *b = a + 2 * lda;
-    do {
-        const int8_t *w = p->weights + 64 * (ptrdiff_t)*group;
-        const __m256i w0 = load32(w), w1 = load32(w + 32);
-        const ptrdiff_t at = 4 * (ptrdiff_t)*group++;
-#pragma GCC unroll 4
-        for (int r = 0; r < ROWS; r++) {
-            const __m256i x = four_inputs((r < 2 ? a : b) + (r & 1) * lda + at);
-            add_products(&sum[r][0], x, w0);
-            add_products(&sum[r][1], x, w1);
-        }
-    } while (group != last);
 #pragma GCC unroll 4
     for (int r = 0; r < ROWS; r++) {
-        acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(sum[r][0], ones));
-        acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(sum[r][1], ones));
+        acc[r][0] = _mm256_add_epi32(so_far[r][0], _mm256_madd_epi16(sum[r][0], ones));
+        acc[r][1] = _mm256_add_epi32(so_far[r][1], _mm256_madd_epi16(sum[r][1], ones));
     }
 }
 
@@ -84,11 +120,34 @@ FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m2
     }
 }
 
-FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda,
-                          __m256i acc[ROWS][2])
+/* Sums that stand in memory while other loops need the registers. */
+FV_INLINE void put_aside(__m256i acc[ROWS][2], __m256i to[ROWS][2])
 {
-    for (int32_t i = 0, from = 0; i < p->run_count; from = p->end[i++])
-        add_run(p, from, p->end[i], a, lda, acc);
+    for (int r = 0; r < ROWS; r++) {
+        _mm256_store_si256(&to[r][0], acc[r][0]);
+        _mm256_store_si256(&to[r][1], acc[r][1]);
+    }
+}
+
+/* The first run stands before the start: until it ends no other sums take registers. */
+FV_INLINE void accumulate(const struct panel *p, const int32_t *bias, const int32_t *sums,
+                          const uint8_t *a, ptrdiff_t lda, __m256i acc[ROWS][2])
+{
+    const struct rows4 rows = {{a, a + lda, a + 2 * lda, a + 3 * lda}};
+    __m256i sum[ROWS][2], begin[ROWS][2], aside[ROWS][2];
+    if (p->run_count > 0) {
+        sum_run(p, 0, p->end[0], &rows, sum);
+        start(bias, sums, ROWS, begin);
+        add_sums(sum, begin, acc);
+    } else {
+        start(bias, sums, ROWS, acc);
+    }
+    for (int32_t i = 1; i < p->run_count; i++) {
+        put_aside(acc, aside);
+        __asm__("" : "+m"(aside));
+        sum_run(p, p->end[i - 1], p->end[i], &rows, sum);
+        add_sums(sum, aside, acc);
+    }
     for (int32_t i = 1; i <= p->wide_count; i++) {
         const ptrdiff_t group = p->groups[GROUPS_MAX - i];
         add_wide(a + 4 * group, lda, ROWS, p->weights + 64 * group, acc);
@@ -169,10 +228,48 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
     }
     for (int32_t i = 0; i < s->rows; i += ROWS) {
         const int32_t at = tile_row(i, s->rows);
-        start(s->bias, s->sums == NULL ? NULL : s->sums + at, ROWS, acc);
-        accumulate(p, s->a + at * s->lda, s->lda, acc);
+        accumulate(p, s->bias, s->sums == NULL ? NULL : s->sums + at, s->a + at * s->lda, s->lda,
+                   acc);
         store_tile(o, s->scale, acc, ROWS, s->out + at * s->ldo, s->ldo, s->width, mode);
     }
+}
+
+static void strip_in_mode(const struct panel *p, const struct strip *s, const struct output *o,
+                          int32_t k4, int mode)
+{
+    switch (mode) {
+    case REAL | ABOVE_ZERO:
+        strip_u8(p, s, o, k4, REAL | ABOVE_ZERO);
+        break;
+    case REAL:
+        strip_u8(p, s, o, k4, REAL);
+        break;
+    case LESSENED | ABOVE_ZERO:
+        strip_u8(p, s, o, k4, LESSENED | ABOVE_ZERO);
+        break;
+    case LESSENED:
+        strip_u8(p, s, o, k4, LESSENED);
+        break;
+    case LESSENED | TABLED:
+        strip_u8(p, s, o, k4, LESSENED | TABLED);
+        break;
+    default:
+        strip_u8(p, s, o, k4, TABLED);
+    }
+}
+
+/* How the results of 16 channels are made; where `real` is not 0 they are rounded as that says. */
+static int load_mode(struct strip *s, const struct fv_nn_gemm *g, int32_t c, int real,
+                     const struct scale8 *scale)
+{
+    if (real != 0) {
+        s->scale[0].factor = scale->factor;
+        s->scale[0].offset = scale->offset;
+        return real;
+    }
+    const int mode = load_any_scales(s->scale, g->multiplier + c, g->shift + c);
+    if (mode == 0 || g->table != NULL) return mode | TABLED;
+    return g->act_min >= g->zero_out ? mode | ABOVE_ZERO : mode;
 }
 
 void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
@@ -185,7 +282,13 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
     struct panel p;
     struct maxima most;
     struct output o;
+    struct scale8 scale;
     int32_t sums[CHUNK_ROWS_MAX + ROWS];
+    int real = 0;
+    if (g->table == NULL && (int64_t)m * g->n >= REAL_RESULTS_LEAST &&
+        have_one_scale(g->multiplier, g->shift, g->n))
+        real =
+            find_real(&scale, g->multiplier[0], g->shift[0], g->zero_out, g->act_min, g->act_max);
     init_output(&o, g->zero_out, g->act_min, g->act_max, g->table);
     for (int32_t i = 0, rows; i < m; i += rows) {
         rows = next_rows(m - i);
@@ -200,15 +303,10 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
                               .ldo = ldo,
                               .rows = rows,
                               .width = g->n - c < 16 ? g->n - c : 16};
-            const int mode = load_any_scales(s.scale, g->multiplier + c, g->shift + c);
+            const int mode = load_mode(&s, g, c, real, &scale);
             p.weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
             if (rows >= ROWS) init_panel(&p, p.weights, g->k4, &most);
-            if (mode != 0 && g->act_min >= g->zero_out)
-                strip_u8(&p, &s, &o, g->k4, LESSENED | ABOVE_ZERO);
-            else if (mode != 0)
-                strip_u8(&p, &s, &o, g->k4, LESSENED);
-            else
-                strip_u8(&p, &s, &o, g->k4, 0);
+            strip_in_mode(&p, &s, &o, g->k4, mode);
         }
     }
 }
@@ -241,12 +339,13 @@ void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
                 const uint8_t *row = a + (i + at) * lda;
                 int32_t *to = out + (i + at) * ldo + c;
                 __m256i acc[ROWS][2];
-                start(g->bias + c, g->row_sum_factor == 0 ? NULL : sums + at, tiles ? ROWS : 1,
-                      acc);
-                if (tiles)
-                    accumulate(&p, row, lda, acc);
-                else
+                const int32_t *some = g->row_sum_factor == 0 ? NULL : sums + at;
+                if (tiles) {
+                    accumulate(&p, g->bias + c, some, row, lda, acc);
+                } else {
+                    start(g->bias + c, some, 1, acc);
                     accumulate_one(weights, g->k4, row, acc);
+                }
                 store_words(acc, tiles ? ROWS : 1, to, ldo);
             }
         }

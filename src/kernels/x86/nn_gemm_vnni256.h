@@ -87,21 +87,21 @@ struct strip {
     struct scale8 scale[2];
 };
 
-FV_INLINE void strip_u8(const struct strip *s, const struct output *o, const int above)
+FV_INLINE void strip_u8(const struct strip *s, const struct output *o, const int mode)
 {
     __m256i acc[ROWS][2];
     int32_t i = 0;
     for (; i + ROWS <= s->rows; i += ROWS) {
         accumulate_tile(s->g, s->c, s->a + i * s->lda, s->lda, s->sums + i, acc);
-        store_tile(o, s->scale, acc, ROWS, s->out + i * s->ldo, s->ldo, s->width, above);
+        store_tile(o, s->scale, acc, ROWS, s->out + i * s->ldo, s->ldo, s->width, mode);
     }
     for (; i + 2 <= s->rows; i += 2) {
         accumulate(s->g, s->c, s->a + i * s->lda, s->lda, s->sums + i, 2, acc);
-        store_tile(o, s->scale, acc, 2, s->out + i * s->ldo, s->ldo, s->width, above);
+        store_tile(o, s->scale, acc, 2, s->out + i * s->ldo, s->ldo, s->width, mode);
     }
     if (i < s->rows) {
         accumulate(s->g, s->c, s->a + i * s->lda, s->lda, s->sums + i, 1, acc);
-        store_tile(o, s->scale, acc, 1, s->out + i * s->ldo, s->ldo, s->width, above);
+        store_tile(o, s->scale, acc, 1, s->out + i * s->ldo, s->ldo, s->width, mode);
     }
 }
 
@@ -126,9 +126,9 @@ FV_INLINE void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t l
                               .width = g->n - c < 16 ? g->n - c : 16};
             load_scales(s.scale, g->multiplier + c, g->shift + c);
             if (g->act_min >= g->zero_out)
-                strip_u8(&s, &o, 1);
+                strip_u8(&s, &o, TABLED | ABOVE_ZERO);
             else
-                strip_u8(&s, &o, 0);
+                strip_u8(&s, &o, TABLED);
         }
     }
 }
