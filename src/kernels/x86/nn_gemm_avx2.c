@@ -1,158 +1,8 @@
 /* The matrix product on bytes with vpmaddubsw, whose sums of 16 bits run as far as they fit
- * (nn_gemm_runs.h). A tile is four rows by 16 channels. */
+ * (nn_gemm_runs.h). A tile is four rows by 16 channels, or eight rows by the last 8 channels. */
 #include "kernels/kernels.h"
+#include "kernels/x86/nn_gemm_tiles_avx2.h"
 #include "kernels/x86/nn_real_avx2.h"
-
-#define VECTOR __m256i
-#define OP(name) _mm256_##name
-#define WHOLE(name) _mm256_##name##_si256
-#include "kernels/x86/nn_gemm_runs.h"
-
-/* Where four rows of inputs begin. */
-struct rows4 {
-    const uint8_t *row[ROWS];
-};
-
-#define LOAD_GROUP                                                                                 \
-    "movzwl (%[group]), %k[at]\n\t"                                                                \
-    "add $2, %[group]\n\t"                                                                         \
-    "vpbroadcastd (%[a],%[at],4), %[x]\n\t"                                                        \
-    "vpbroadcastd (%[b],%[at],4), %[y]\n\t"                                                        \
-    "vpbroadcastd (%[c],%[at],4), %[z]\n\t"                                                        \
-    "vpbroadcastd (%[d],%[at],4), %[u]\n\t"                                                        \
-    "shl $6, %[at]\n\t"                                                                            \
-    "vmovdqa (%[w],%[at]), %[w0]\n\t"                                                              \
-    "vmovdqa 32(%[w],%[at]), %[w1]\n\t"
-#define FIRST_OF(x, s0, s1)                                                                        \
-    "vpmaddubsw %[w0], %[" x "], %[" s0 "]\n\t"                                                    \
-    "vpmaddubsw %[w1], %[" x "], %[" s1 "]\n\t"
-#define NEXT_OF(x, s0, s1)                                                                         \
-    "vpmaddubsw %[w0], %[" x "], %[t]\n\t"                                                         \
-    "vpmaddubsw %[w1], %[" x "], %[" x "]\n\t"                                                     \
-    "vpaddw %[t], %[" s0 "], %[" s0 "]\n\t"                                                        \
-    "vpaddw %[" x "], %[" s1 "], %[" s1 "]\n\t"
-
-#define FIRST_GROUP                                                                                \
-    LOAD_GROUP                                                                                     \
-    FIRST_OF("x", "a0", "a1")                                                                      \
-    FIRST_OF("y", "b0", "b1") FIRST_OF("z", "c0", "c1") FIRST_OF("u", "d0", "d1")
-#define NEXT_GROUP                                                                                 \
-    LOAD_GROUP                                                                                     \
-    NEXT_OF("x", "a0", "a1")                                                                       \
-    NEXT_OF("y", "b0", "b1") NEXT_OF("z", "c0", "c1") NEXT_OF("u", "d0", "d1")
-
-/* Products of four rows with the groups of four k of a run, in sums of 16 bits. Written out:
- * compilers move the sums around, or to the stack and back. */
-FV_INLINE void sum_run(const struct panel *p, int32_t from, int32_t end, const struct rows4 *in,
-                       __m256i sum[ROWS][2])
-{
-    const uint16_t *group = p->groups + from, *last = p->groups + end;
-    __m256i x, y, z, u, w0, w1, t, a0, a1, b0, b1, c0, c1, d0, d1;
-    uint64_t at;
-    __asm__(FIRST_GROUP "cmp %[group], %[last]\n\t"
-                        "je 2f\n"
-                        "1:\n\t" NEXT_GROUP "cmp %[group], %[last]\n\t"
-                        "jne 1b\n"
-                        "2:"
-            : [group] "+r"(group), [at] "=&r"(at), [x] "=&x"(x), [y] "=&x"(y), [z] "=&x"(z),
-              [u] "=&x"(u), [w0] "=&x"(w0), [w1] "=&x"(w1), [t] "=&x"(t), [a0] "=&x"(a0),
-              [a1] "=&x"(a1), [b0] "=&x"(b0), [b1] "=&x"(b1), [c0] "=&x"(c0), [c1] "=&x"(c1),
-              [d0] "=&x"(d0), [d1] "=&x"(d1)
-            : [last] "r"(last), [w] "r"(p->weights), [a] "r"(in->row[0]), [b] "r"(in->row[1]),
-              [c] "r"(in->row[2]), [d] "r"(in->row[3])
-            : "cc", "memory");
-    sum[0][0] = a0;
-    sum[0][1] = a1;
-    sum[1][0] = b0;
-    sum[1][1] = b1;
-    sum[2][0] = c0;
-    sum[2][1] = c1;
-    sum[3][0] = d0;
-    sum[3][1] = d1;
-}
-
-/* Adds the sums of a run, pair by pair, to those so far. */
-FV_INLINE void add_sums(__m256i sum[ROWS][2], __m256i so_far[ROWS][2], __m256i acc[ROWS][2])
-{
-    const __m256i ones = _mm256_set1_epi16(1);
-#pragma GCC unroll 4
-    for (int r = 0; r < ROWS; r++) {
-        acc[r][0] = _mm256_add_epi32(so_far[r][0], _mm256_madd_epi16(sum[r][0], ones));
-        acc[r][1] = _mm256_add_epi32(so_far[r][1], _mm256_madd_epi16(sum[r][1], ones));
-    }
-}
-
-/* Products of N rows with a group of four k for any weights. */
-FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w,
-                        __m256i acc[][2])
-{
-    const __m256i w0 = load32(w), w1 = load32(w + 32);
-    const __m256i even0 = _mm256_srai_epi16(_mm256_slli_epi16(w0, 8), 8),
-                  odd0 = _mm256_srai_epi16(w0, 8);
-    const __m256i even1 = _mm256_srai_epi16(_mm256_slli_epi16(w1, 8), 8),
-                  odd1 = _mm256_srai_epi16(w1, 8);
-#pragma GCC unroll 4
-    for (int r = 0; r < N; r++) {
-        const __m256i x = four_inputs(a + r * lda);
-        const __m256i even = _mm256_and_si256(x, _mm256_set1_epi16(255)),
-                      odd = _mm256_srli_epi16(x, 8);
-        acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(even, even0));
-        acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(even, even1));
-        acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(odd, odd0));
-        acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(odd, odd1));
-    }
-}
-
-/* `sums`: NULL where nothing is to be added. */
-FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m256i acc[][2])
-{
-#pragma GCC unroll 4
-    for (int r = 0; r < N; r++) {
-        acc[r][0] = load32(bias);
-        acc[r][1] = load32(bias + 8);
-    }
-    if (sums == NULL) return;
-#pragma GCC unroll 4
-    for (int r = 0; r < N; r++) {
-        const __m256i sum = _mm256_set1_epi32(sums[r]);
-        acc[r][0] = _mm256_add_epi32(acc[r][0], sum);
-        acc[r][1] = _mm256_add_epi32(acc[r][1], sum);
-    }
-}
-
-/* Sums that stand in memory while other loops need the registers. */
-FV_INLINE void put_aside(__m256i acc[ROWS][2], __m256i to[ROWS][2])
-{
-    for (int r = 0; r < ROWS; r++) {
-        _mm256_store_si256(&to[r][0], acc[r][0]);
-        _mm256_store_si256(&to[r][1], acc[r][1]);
-    }
-}
-
-/* The first run stands before the start: until it ends no other sums take registers. */
-FV_INLINE void accumulate(const struct panel *p, const int32_t *bias, const int32_t *sums,
-                          const uint8_t *a, ptrdiff_t lda, __m256i acc[ROWS][2])
-{
-    const struct rows4 rows = {{a, a + lda, a + 2 * lda, a + 3 * lda}};
-    __m256i sum[ROWS][2], begin[ROWS][2], aside[ROWS][2];
-    if (p->run_count > 0) {
-        sum_run(p, 0, p->end[0], &rows, sum);
-        start(bias, sums, ROWS, begin);
-        add_sums(sum, begin, acc);
-    } else {
-        start(bias, sums, ROWS, acc);
-    }
-    for (int32_t i = 1; i < p->run_count; i++) {
-        put_aside(acc, aside);
-        __asm__("" : "+m"(aside));
-        sum_run(p, p->end[i - 1], p->end[i], &rows, sum);
-        add_sums(sum, aside, acc);
-    }
-    for (int32_t i = 1; i <= p->wide_count; i++) {
-        const ptrdiff_t group = p->groups[GROUPS_MAX - i];
-        add_wide(a + 4 * group, lda, ROWS, p->weights + 64 * group, acc);
-    }
-}
 
 /* One row, without knowing the groups. */
 FV_INLINE void accumulate_one(const int8_t *weights, int32_t k4, const uint8_t *row,
@@ -214,6 +64,42 @@ struct strip {
     struct scale8 scale[2];
 };
 
+/* Scale eight rows of 8 accumulators and store the first `width` of each. */
+FV_INLINE void store_8(const struct output *o, const struct scale8 *scale, __m256i acc[EIGHT],
+                       uint8_t *out, ptrdiff_t ldo, int32_t width, const int mode)
+{
+#pragma GCC unroll 8
+    for (int r = 0; r < EIGHT; r++)
+        acc[r] = requantize(acc[r], scale, mode);
+#pragma GCC unroll 2
+    for (int r = 0; r < EIGHT; r += 4) {
+        const __m256i bytes = two_rows(o, &acc[r], &acc[r + 2], mode);
+        const __m128i two[2] = {_mm256_castsi256_si128(bytes), _mm256_extracti128_si256(bytes, 1)};
+#pragma GCC unroll 2
+        for (int h = 0; h < 2; h++, out += 2 * ldo) {
+            if (width == 8) {
+                _mm_storel_epi64((__m128i *)(void *)out, two[h]);
+                _mm_storeh_pi((__m64 *)(void *)(out + ldo), _mm_castsi128_ps(two[h]));
+            } else {
+                store_some(out, two[h], width);
+                store_some(out + ldo, _mm_srli_si128(two[h], 8), width);
+            }
+        }
+    }
+}
+
+FV_INLINE void strip_8_u8(const struct panel *p, const struct strip *s, const struct output *o,
+                          const int mode)
+{
+    __m256i acc[EIGHT];
+    for (int32_t i = 0; i < s->rows; i += EIGHT) {
+        const int32_t at = i + EIGHT > s->rows ? s->rows - EIGHT : i;
+        accumulate_8(p, s->bias, s->sums == NULL ? NULL : s->sums + at, s->a + at * s->lda, s->lda,
+                     acc);
+        store_8(o, s->scale, acc, s->out + at * s->ldo, s->ldo, s->width, mode);
+    }
+}
+
 FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const struct output *o,
                         int32_t k4, const int mode)
 {
@@ -234,8 +120,9 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
     }
 }
 
-static void strip_in_mode(const struct panel *p, const struct strip *s, const struct output *o,
-                          int32_t k4, int mode)
+/* Inline, as all that is reached by addresses: what bytes are stored to is known not to be it. */
+FV_INLINE void strip_in_mode(const struct panel *p, const struct strip *s, const struct output *o,
+                             int32_t k4, int mode)
 {
     switch (mode) {
     case REAL | ABOVE_ZERO:
@@ -255,6 +142,28 @@ static void strip_in_mode(const struct panel *p, const struct strip *s, const st
         break;
     default:
         strip_u8(p, s, o, k4, TABLED);
+    }
+}
+
+FV_INLINE void strip_8_in_mode(const struct panel *p, const struct strip *s, const struct output *o,
+                               int mode)
+{
+    switch (mode) {
+    case REAL | ABOVE_ZERO:
+        strip_8_u8(p, s, o, REAL | ABOVE_ZERO);
+        break;
+    case REAL:
+        strip_8_u8(p, s, o, REAL);
+        break;
+    case LESSENED | ABOVE_ZERO:
+    case LESSENED:
+        strip_8_u8(p, s, o, LESSENED);
+        break;
+    case LESSENED | TABLED:
+        strip_8_u8(p, s, o, LESSENED | TABLED);
+        break;
+    default:
+        strip_8_u8(p, s, o, TABLED);
     }
 }
 
@@ -306,7 +215,10 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
             const int mode = load_mode(&s, g, c, real, &scale);
             p.weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
             if (rows >= ROWS) init_panel(&p, p.weights, g->k4, &most);
-            strip_in_mode(&p, &s, &o, g->k4, mode);
+            if (s.width <= 8 && rows >= EIGHT)
+                strip_8_in_mode(&p, &s, &o, mode);
+            else
+                strip_in_mode(&p, &s, &o, g->k4, mode);
         }
     }
 }
