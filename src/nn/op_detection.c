@@ -7,7 +7,7 @@
 #include "base/elementary.h"
 #include "nn/run.h"
 
-enum { ANCHORS_PER_STEP = 64 };
+enum { ANCHORS_PER_STEP = 64, BLOCK = 64 };
 
 /* What goes on from step to step, in scratch behind everything else. */
 struct run {
@@ -53,17 +53,26 @@ static void decode_boxes(const struct fv_nn_call *call, const struct state *s, i
     }
 }
 
-static float overlap(const float *a, const float *b)
+/* Boxes that are compared with one at once, and where they stand among the sorted anchors. */
+struct block {
+    int32_t count, at[BLOCK];
+    float y0[BLOCK], x0[BLOCK], y1[BLOCK], x1[BLOCK];
+};
+
+/* Intersection over union with box `a`, which has an area; not above zero where boxes are apart or
+ * one has no area. Without branches: compilers find the vectors. */
+static void find_overlaps(const float *a, const struct block *b, float overlaps[BLOCK])
 {
-    if (b[0] >= a[2] || a[0] >= b[2] || b[1] >= a[3] || a[1] >= b[3])
-        return 0.0f; /* most pairs are apart */
-    const float area_a = (a[2] - a[0]) * (a[3] - a[1]), area_b = (b[2] - b[0]) * (b[3] - b[1]);
-    if (!(area_a > 0.0f) || !(area_b > 0.0f)) return 0.0f;
-    const float y0 = a[0] > b[0] ? a[0] : b[0], x0 = a[1] > b[1] ? a[1] : b[1];
-    const float y1 = a[2] < b[2] ? a[2] : b[2], x1 = a[3] < b[3] ? a[3] : b[3];
-    const float h = y1 - y0 > 0.0f ? y1 - y0 : 0.0f, w = x1 - x0 > 0.0f ? x1 - x0 : 0.0f;
-    const float both = h * w;
-    return both / (area_a + area_b - both);
+    const float ay0 = a[0], ax0 = a[1], ay1 = a[2], ax1 = a[3], area_a = (ay1 - ay0) * (ax1 - ax0);
+    for (int32_t i = 0; i < BLOCK; i++) {
+        const float y0 = ay0 > b->y0[i] ? ay0 : b->y0[i], x0 = ax0 > b->x0[i] ? ax0 : b->x0[i];
+        const float y1 = ay1 < b->y1[i] ? ay1 : b->y1[i], x1 = ax1 < b->x1[i] ? ax1 : b->x1[i];
+        const float dy = y1 - y0, dx = x1 - x0;
+        const float h = dy > 0.0f ? dy : 0.0f, w = dx > 0.0f ? dx : 0.0f;
+        const float area_b = (b->y1[i] - b->y0[i]) * (b->x1[i] - b->x0[i]), both = h * w;
+        const float counted = area_b > 0.0f ? both : 0.0f;
+        overlaps[i] = counted / (area_a + area_b - both);
+    }
 }
 
 /* Anchors whose score passes the threshold, highest first (counting sort by the byte, stable).
@@ -94,6 +103,24 @@ static void suppress_begin(const struct state *s)
     memset(s->active, 1, (size_t)s->run->total);
 }
 
+/* Sorted anchors from `first` on that are still active, until the block is full or `end`. Returns
+ * the next one. */
+static int32_t fill_block(const struct state *s, int32_t first, int32_t end, struct block *b)
+{
+    b->count = 0;
+    for (; first < end && b->count < BLOCK; first++) {
+        const float *box = s->boxes + (ptrdiff_t)s->order[first] * 4;
+        const int32_t i = b->count;
+        b->at[i] = first;
+        b->y0[i] = box[0];
+        b->x0[i] = box[1];
+        b->y1[i] = box[2];
+        b->x1[i] = box[3];
+        b->count += s->active[first];
+    }
+    return first;
+}
+
 /* Part `part` of the selection of one more anchor, but no more than `limit` in all; they end up at
  * the front of `order`. The first part finds it, each compares it with a share of those behind it.
  * Returns 0 where none is left. */
@@ -106,11 +133,15 @@ static int select_part(const struct state *s, int32_t limit, int32_t part, int32
     const int32_t chosen = s->order[run->next], first = run->next + 1;
     const int32_t behind = run->total - first,
                   end = first + (int32_t)fv_nn_part_first(behind, part + 1, parts);
-    for (int32_t j = first + (int32_t)fv_nn_part_first(behind, part, parts); j < end; j++) {
-        if (!s->active[j]) continue;
-        const float iou =
-            overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);
-        if (iou > s->p->iou_threshold) s->active[j] = 0;
+    const float *box = s->boxes + (ptrdiff_t)chosen * 4;
+    const int has_area = (box[2] - box[0]) * (box[3] - box[1]) > 0.0f;
+    struct block b = {0};
+    for (int32_t j = first + (int32_t)fv_nn_part_first(behind, part, parts); has_area && j < end;) {
+        float overlaps[BLOCK];
+        j = fill_block(s, j, end, &b);
+        find_overlaps(box, &b, overlaps);
+        for (int32_t i = 0; i < b.count; i++)
+            s->active[b.at[i]] &= !(overlaps[i] > s->p->iou_threshold);
     }
     if (part < parts - 1) return 1;
     s->order[run->selected++] = chosen;
