@@ -3,11 +3,7 @@
 #ifndef FOVEA_KERNELS_X86_NN_AVX2_H
 #define FOVEA_KERNELS_X86_NN_AVX2_H
 
-#include <immintrin.h>
-#include <stdint.h>
-#include <string.h>
-
-#define FV_INLINE static inline __attribute__((always_inline))
+#include "kernels/x86/nn_store.h"
 
 /* 32 bytes, aligned to 32. */
 FV_INLINE __m256i load32(const void *from)
@@ -207,28 +203,6 @@ static inline void init_output(struct output *o, int32_t zero, int32_t low, int3
     o->is_cut = low > 0 || high < 255;
     o->has_table = table != NULL;
     if (table != NULL) load_table(&o->table, table);
-}
-
-/* The first `width` of 16 bytes, by stores that overlap. (Where a hot loop calls memcpy, its
- * checked form keeps GCC from holding sums in registers.) */
-FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
-{
-    static const uint8_t count_up[32] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-    if (width == 16) {
-        _mm_storeu_si128((__m128i *)(void *)to, v);
-    } else if (width >= 8) {
-        const __m128i tail = _mm_loadu_si128((const __m128i *)(const void *)(count_up + width - 8));
-        _mm_storel_epi64((__m128i *)(void *)to, v);
-        _mm_storel_epi64((__m128i *)(void *)(to + width - 8), _mm_shuffle_epi8(v, tail));
-    } else if (width >= 4) {
-        const __m128i tail = _mm_loadu_si128((const __m128i *)(const void *)(count_up + width - 4));
-        _mm_storeu_si32(to, v);
-        _mm_storeu_si32(to + width - 4, _mm_shuffle_epi8(v, tail));
-    } else {
-        const int32_t all = _mm_cvtsi128_si32(v);
-        for (int32_t i = 0; i < width; i++)
-            to[i] = (uint8_t)(all >> 8 * i);
-    }
 }
 
 /* Two rows of 16 channels, 0-7 and 8-15: results of requantize to bytes in order. */

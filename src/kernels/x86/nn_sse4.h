@@ -3,11 +3,7 @@
 #ifndef FOVEA_KERNELS_X86_NN_SSE4_H
 #define FOVEA_KERNELS_X86_NN_SSE4_H
 
-#include <smmintrin.h>
-#include <stdint.h>
-#include <string.h>
-
-#define FV_INLINE static inline __attribute__((always_inline))
+#include "kernels/x86/nn_store.h"
 
 /* Constants of 4 channels: see fv_nn_requantize. SSE has neither an arithmetic 64-bit shift nor one
  * by lanes: 2^62 is added before the logical one and what it became, 2^(62 - right), taken off
@@ -27,9 +23,7 @@ FV_INLINE __m128i load16(const void *from)
 /* Four neighbouring bytes, in every lane of 32 bits. */
 FV_INLINE __m128i four_inputs(const uint8_t *bytes)
 {
-    int32_t word;
-    memcpy(&word, bytes, 4);
-    return _mm_set1_epi32(word);
+    return _mm_shuffle_epi32(_mm_loadu_si32(bytes), 0);
 }
 
 static inline void load_scale(struct scale4 *s, const int32_t *multiplier, const int32_t *shift)
@@ -111,18 +105,14 @@ FV_INLINE __m128i to_bytes(const struct output *o, __m128i a, __m128i b, __m128i
 /* The first `width` of 16 bytes, through the table. */
 FV_INLINE void store_bytes(const struct output *o, uint8_t *to, __m128i v, int32_t width)
 {
-    if (o->table == NULL && width == 16) {
-        _mm_storeu_si128((__m128i *)(void *)to, v);
+    if (o->table == NULL) {
+        store_some(to, v, width);
         return;
     }
     uint8_t bytes[16];
     _mm_storeu_si128((__m128i *)(void *)bytes, v);
-    if (o->table == NULL && width == 8) {
-        memcpy(to, bytes, 8);
-        return;
-    }
     for (int32_t i = 0; i < width; i++)
-        to[i] = o->table == NULL ? bytes[i] : o->table[bytes[i]];
+        to[i] = o->table[bytes[i]];
 }
 
 #endif
