@@ -4,12 +4,43 @@
 #include "kernels/x86/nn_gemm_tiles_avx2.h"
 #include "kernels/x86/nn_real_avx2.h"
 
-/* One row, without knowing the groups. */
+enum { WIDENED = 512 };
+
+/* Eight channels, from vectors of four with two sums of each. */
+FV_INLINE __m256i add_pairs(__m256i low, __m256i high)
+{
+    return _mm256_permute4x64_epi64(_mm256_hadd_epi32(low, high), 0xD8);
+}
+
+/* One row, without knowing the groups: bytes widened to 16 bits, four channels by four k in a
+ * vector. */
 FV_INLINE void accumulate_one(const int8_t *weights, int32_t k4, const uint8_t *row,
                               __m256i acc[1][2])
 {
-    for (int32_t i = 0; i < k4; i++)
-        add_wide(row + 4 * (ptrdiff_t)i, 0, 1, weights + 64 * (ptrdiff_t)i, acc);
+    __m256i sum[4];
+    _Alignas(32) uint16_t wide[4 * WIDENED];
+    for (int i = 0; i < 4; i++)
+        sum[i] = _mm256_setzero_si256();
+    for (int32_t from = 0; from < k4; from += WIDENED) {
+        const int32_t count = k4 - from < WIDENED ? k4 - from : WIDENED;
+        for (int32_t i = 0; i < count; i += 4) {
+            const void *bytes = row + 4 * (ptrdiff_t)(from + i);
+            _mm256_store_si256((__m256i *)(void *)(wide + 4 * (ptrdiff_t)i),
+                               _mm256_cvtepu8_epi16(_mm_loadu_si128((const __m128i *)bytes)));
+        }
+        for (int32_t i = 0; i < count; i++, weights += 64) {
+            const void *four = wide + 4 * (ptrdiff_t)i;
+            const __m256i x = _mm256_broadcastq_epi64(_mm_loadl_epi64((const __m128i *)four));
+#pragma GCC unroll 4
+            for (int v = 0; v < 4; v++) {
+                const void *from_w = weights + 16 * v;
+                const __m256i w = _mm256_cvtepi8_epi16(_mm_load_si128((const __m128i *)from_w));
+                sum[v] = _mm256_add_epi32(sum[v], _mm256_madd_epi16(x, w));
+            }
+        }
+    }
+    acc[0][0] = _mm256_add_epi32(acc[0][0], add_pairs(sum[0], sum[1]));
+    acc[0][1] = _mm256_add_epi32(acc[0][1], add_pairs(sum[2], sum[3]));
 }
 
 /* The sum of a row's bytes as four parts of 64 bits; `rest` masks those of the last 32. */
@@ -101,17 +132,9 @@ FV_INLINE void strip_8_u8(const struct panel *p, const struct strip *s, const st
 }
 
 FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const struct output *o,
-                        int32_t k4, const int mode)
+                        const int mode)
 {
     __m256i acc[ROWS][2];
-    if (s->rows < ROWS) {
-        for (int32_t i = 0; i < s->rows; i++) {
-            start(s->bias, s->sums == NULL ? NULL : s->sums + i, 1, acc);
-            accumulate_one(p->weights, k4, s->a + i * s->lda, acc);
-            store_tile(o, s->scale, acc, 1, s->out + i * s->ldo, s->ldo, s->width, mode);
-        }
-        return;
-    }
     for (int32_t i = 0; i < s->rows; i += ROWS) {
         const int32_t at = tile_row(i, s->rows);
         accumulate(p, s->bias, s->sums == NULL ? NULL : s->sums + at, s->a + at * s->lda, s->lda,
@@ -122,26 +145,26 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
 
 /* Inline, as all that is reached by addresses: what bytes are stored to is known not to be it. */
 FV_INLINE void strip_in_mode(const struct panel *p, const struct strip *s, const struct output *o,
-                             int32_t k4, int mode)
+                             int mode)
 {
     switch (mode) {
     case REAL | ABOVE_ZERO:
-        strip_u8(p, s, o, k4, REAL | ABOVE_ZERO);
+        strip_u8(p, s, o, REAL | ABOVE_ZERO);
         break;
     case REAL:
-        strip_u8(p, s, o, k4, REAL);
+        strip_u8(p, s, o, REAL);
         break;
     case LESSENED | ABOVE_ZERO:
-        strip_u8(p, s, o, k4, LESSENED | ABOVE_ZERO);
+        strip_u8(p, s, o, LESSENED | ABOVE_ZERO);
         break;
     case LESSENED:
-        strip_u8(p, s, o, k4, LESSENED);
+        strip_u8(p, s, o, LESSENED);
         break;
     case LESSENED | TABLED:
-        strip_u8(p, s, o, k4, LESSENED | TABLED);
+        strip_u8(p, s, o, LESSENED | TABLED);
         break;
     default:
-        strip_u8(p, s, o, k4, TABLED);
+        strip_u8(p, s, o, TABLED);
     }
 }
 
@@ -181,11 +204,37 @@ static int load_mode(struct strip *s, const struct fv_nn_gemm *g, int32_t c, int
     return g->act_min >= g->zero_out ? mode | ABOVE_ZERO : mode;
 }
 
+/* Fewer than a tile has. */
+static __attribute__((noinline)) void few_rows_u8(const struct fv_nn_gemm *g, const uint8_t *a,
+                                                  ptrdiff_t lda, uint8_t *out, ptrdiff_t ldo,
+                                                  int32_t m)
+{
+    struct output o;
+    int32_t sums[2 * ROWS] = {0};
+    init_output(&o, g->zero_out, g->act_min, g->act_max, g->table);
+    sum_rows(g, a, lda, m, sums);
+    for (int32_t c = 0; c < g->n; c += 16) {
+        struct scale8 scale[2];
+        const int32_t width = g->n - c < 16 ? g->n - c : 16;
+        load_scales(scale, g->multiplier + c, g->shift + c);
+        for (int32_t i = 0; i < m; i++) {
+            __m256i acc[1][2];
+            start(g->bias + c, sums + i, 1, acc);
+            accumulate_one(g->weights + (ptrdiff_t)c * g->k4 * 4, g->k4, a + i * lda, acc);
+            store_tile(&o, scale, acc, 1, out + i * ldo + c, ldo, width, TABLED);
+        }
+    }
+}
+
 void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
                            uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
     if (g->k4 > GROUPS_MAX) {
         fv_k_nn_gemm_u8__c(g, a, lda, out, ldo, m);
+        return;
+    }
+    if (m < ROWS) {
+        few_rows_u8(g, a, lda, out, ldo, m);
         return;
     }
     struct panel p;
@@ -202,7 +251,7 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
     for (int32_t i = 0, rows; i < m; i += rows) {
         rows = next_rows(m - i);
         sum_rows(g, a + i * lda, lda, rows, sums);
-        if (rows >= ROWS) init_maxima(&most, g->k, a + i * lda, lda, rows);
+        init_maxima(&most, g->k, a + i * lda, lda, rows);
         for (int32_t c = 0; c < g->n; c += 16) {
             struct strip s = {.bias = g->bias + c,
                               .sums = g->row_sum_factor == 0 ? NULL : sums,
@@ -214,11 +263,11 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
                               .width = g->n - c < 16 ? g->n - c : 16};
             const int mode = load_mode(&s, g, c, real, &scale);
             p.weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
-            if (rows >= ROWS) init_panel(&p, p.weights, g->k4, &most);
+            init_panel(&p, p.weights, g->k4, &most);
             if (s.width <= 8 && rows >= EIGHT)
                 strip_8_in_mode(&p, &s, &o, mode);
             else
-                strip_in_mode(&p, &s, &o, g->k4, mode);
+                strip_in_mode(&p, &s, &o, mode);
         }
     }
 }
