@@ -34,14 +34,16 @@ void fv_agreement_carve(struct fv_agreement *g, uint32_t features_max, struct fv
     g->nearest = fv_arena_take(job, sampled, sizeof *g->nearest);
     g->second = fv_arena_take(job, sampled, sizeof *g->second);
     g->distance = fv_arena_take(job, features_max, sizeof *g->distance);
+    g->matches = fv_arena_take(job, sampled, sizeof *g->matches);
 }
 
 /* ---- the measure ----------------------------------------------------------------------------- */
 
 static bool contradicts(const struct fv_agreement_state *s)
 {
-    return s->checks >= CHECKS_MIN && (s->near < near_least * s->about ||
-                                       s->about < fit_least * s->all || s->doubts >= DOUBTS_MAX);
+    return s->checks >= CHECKS_MIN &&
+           (s->near < near_least * s->about || s->about < fit_least * s->all ||
+            s->doubts >= DOUBTS_MAX || fv_bias_found(&s->bias));
 }
 
 static bool misfits(const struct fv_agreement_state *s)
@@ -51,7 +53,8 @@ static bool misfits(const struct fv_agreement_state *s)
 
 static bool in_doubt(const struct fv_agreement_state *s)
 {
-    return misfits(s) || (s->near < near_known_min * s->about && s->known < known_min * s->all);
+    return misfits(s) || fv_bias_found(&s->bias) ||
+           (s->near < near_known_min * s->about && s->known < known_min * s->all);
 }
 
 enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *s)
@@ -64,12 +67,13 @@ enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *
 
 void fv_agreement_confirm(struct fv_agreement_state *s)
 {
-    if (s->checks >= CONFIRM_CHECKS && !in_doubt(s)) s->suspect = false;
+    if (s->checks >= CONFIRM_CHECKS && !in_doubt(s) && fv_bias_clear(&s->bias)) s->suspect = false;
 }
 
 bool fv_agreement_withholds(struct fv_agreement_state *s)
 {
-    if (s->checks >= SURE_CHECKS && !in_doubt(s) && s->near >= sure_min * s->about)
+    if (s->checks >= SURE_CHECKS && !in_doubt(s) && fv_bias_clear(&s->bias) &&
+        s->near >= sure_min * s->about)
         s->suspect = false;
     return s->suspect;
 }
@@ -85,6 +89,8 @@ void fv_agreement_forget(struct fv_agreement_state *s)
     s->near = s->about = s->all = s->known = 0;
     s->checks = s->doubts = 0;
     s->bad_from = 0;
+    s->matches = 0;
+    fv_bias_forget(&s->bias);
 }
 
 void fv_agreement_begin(struct fv_agreement_state *s)
@@ -144,7 +150,10 @@ static void judge(struct fv_odometry *o, const struct fv_map_frame *a, const str
                      x2[3] = {(double)q.bearing[0], (double)q.bearing[1], (double)q.bearing[2]};
         const double error2 =
             ray_error2(&T_b_a, x1, x2) * o->focal_px * o->focal_px * (double)q.weight;
-        matches++;
+        struct fv_bias_match *m = &o->agreement.matches[matches++];
+        memcpy(m->x1, p.bearing, sizeof m->x1);
+        memcpy(m->x2, q.bearing, sizeof m->x2);
+        m->weight = q.weight;
         known += b->landmark[feature] != FV_MAP_NONE;
         near += error2 < near2;
         about += error2 < about2;
@@ -158,7 +167,9 @@ static void judge(struct fv_odometry *o, const struct fv_map_frame *a, const str
     if (s->fresh && (in_doubt(s) || s->near < clear_min * s->about)) s->suspect = true;
     s->fresh = false;
     s->doubts = misfits(s) ? s->doubts + 1 : 0;
-    if (fv_agreement_verdict(s) == FV_AGREEMENT_GOOD) s->bad_from = b->keyframe->number + 1;
+    if (fv_agreement_verdict(s) == FV_AGREEMENT_GOOD && fv_bias_clear(&s->bias))
+        s->bad_from = b->keyframe->number + 1;
+    if (fv_bias_begin(&s->bias, &T_b_a)) s->matches = matches;
 }
 
 /* ---- the job --------------------------------------------------------------------------------- */
@@ -173,12 +184,18 @@ void fv_odometry_agreement_queue(struct fv_odometry *o, uint32_t keyframe)
     s->generation = o->map.keyframes[keyframe].generation;
     s->before = (uint32_t)parent;
     s->before_generation = o->map.keyframes[parent].generation;
-    s->next = 0;
+    s->next = s->matches = 0;
 }
 
 bool fv_odometry_agreement_waiting(const struct fv_odometry *o)
 {
-    return o->state->agreement.busy || o->state->agreement.dropping;
+    const struct fv_agreement_state *s = &o->state->agreement;
+    return (s->busy && s->matches == 0) || s->dropping;
+}
+
+bool fv_odometry_agreement_fits(const struct fv_odometry *o)
+{
+    return o->state->agreement.busy && o->state->agreement.matches > 0;
 }
 
 static void match_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
@@ -209,6 +226,14 @@ static void match_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
     }
     if (s->next < sampled) return;
     judge(o, &a, &b, sampled);
+    s->busy = s->matches > 0;
+}
+
+static void fit_unit(struct fv_odometry *o)
+{
+    struct fv_agreement_state *s = &o->state->agreement;
+    if (!fv_bias_unit(&s->bias, o->agreement.matches, s->matches, o->focal_px)) return;
+    s->matches = 0;
     s->busy = false;
 }
 
@@ -227,6 +252,8 @@ void fv_odometry_agreement_unit(struct fv_odometry *o, const struct fv_kernels *
     struct fv_agreement_state *s = &o->state->agreement;
     if (s->dropping)
         drop_unit(o);
+    else if (s->busy && s->matches > 0)
+        fit_unit(o);
     else if (fv_map_holds(&o->map, s->slot, s->generation) &&
              fv_map_holds(&o->map, s->before, s->before_generation))
         match_unit(o, kernels);

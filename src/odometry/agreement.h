@@ -16,18 +16,23 @@
  *          epipolar lines, which are the same for both, say nothing. Few known and near not high
  *          are a doubt (tools/evaluate/sim_road.md)
  *
- * In doubt no pose is `tracking`. Where near or fit are low, after three keyframes, the map is
- * given up, and where one of these two stays in doubt for four: all of it while it is young, later
- * the keyframes since the measures were last good. They leave the map one per unit, and are not
- * entered again meanwhile.
+ * And by the same matches whether the map's motion is off alike from pair to pair (bias.h): what
+ * is bent between the world and a thing that moves looks well by all three.
+ *
+ * In doubt no pose is `tracking`. Where near or fit are low or the motion is biased, after three
+ * keyframes, the map is given up, and where near or fit stay in doubt for four: all of it while it
+ * is young, later the keyframes since the measures were last good and without a hint of a bias.
+ * They leave the map one per unit, and are not entered again meanwhile.
  *
  * A map is suspect, and its poses are withheld, where it follows one given up, since what misled
  * one misleads the next, and where its first keyframe agrees less clearly than on the recordings
  * (near below .9, or doubt). It is published with its first pose that is confident by all else,
- * after two keyframes that leave no doubt; or after three that agree clearly (near of .93).
+ * after two keyframes that leave no doubt and no hint of a bias; or after three of these that agree
+ * clearly (near of .93).
  *
- * A job in units: FV_AGREEMENT_UNIT features are matched in each. Real-time safe, no addresses in
- * the state. */
+ * A job in units: FV_AGREEMENT_UNIT features are matched in each; two more fit the pair's motion,
+ * after all other work on the map, and not at all where the next keyframe comes before. Real-time
+ * safe, no addresses in the state. */
 #ifndef FOVEA_ODOMETRY_AGREEMENT_H
 #define FOVEA_ODOMETRY_AGREEMENT_H
 
@@ -36,6 +41,7 @@
 
 #include "base/arena.h"
 #include "kernels/kernels.h"
+#include "odometry/bias.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -57,11 +63,14 @@ struct fv_agreement_state {
     bool dropping;     /* keyframes of drop_map from number drop_from on are to go */
     uint32_t drop_map;
     uint64_t drop_from;
+    uint32_t matches; /* of the pair in work, while its motion is fitted; 0: none is */
+    struct fv_bias_state bias;
 };
 
 struct fv_agreement {
-    uint32_t *nearest, *second; /* job part: by sampled feature, as hamming_two_u8 leaves them */
-    uint16_t *distance;         /* job part: by feature of the later keyframe */
+    uint32_t *nearest, *second;    /* job part: by sampled feature, as hamming_two_u8 leaves them */
+    uint16_t *distance;            /* job part: by feature of the later keyframe */
+    struct fv_bias_match *matches; /* job part: of the pair in work */
 };
 
 enum fv_agreement_verdict { FV_AGREEMENT_GOOD, FV_AGREEMENT_WEAK, FV_AGREEMENT_CONTRADICTED };
@@ -86,8 +95,10 @@ void fv_agreement_begin(struct fv_agreement_state *state);
 
 /* A keyframe was finished: to be checked against its parent. Replaces one that still waits. */
 void fv_odometry_agreement_queue(struct fv_odometry *odometry, uint32_t keyframe);
-/* Whether there is work, and one unit of it. */
+/* Whether there is work, whether what is left of a pair can wait for all other work on the map, and
+ * one unit. */
 bool fv_odometry_agreement_waiting(const struct fv_odometry *odometry);
+bool fv_odometry_agreement_fits(const struct fv_odometry *odometry);
 void fv_odometry_agreement_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 
 /* The map is contradicted: the camera is lost, and keyframes begin to go. */

@@ -361,7 +361,7 @@ bool fv_odometry_job_waiting(const struct fv_odometry *o)
     return fv_archive_busy(o->saver.archive) || s->creation.pending_count > 0 ||
            s->creation.phase != FV_CREATION_IDLE || s->job_wanted ||
            o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_agreement_waiting(o) ||
-           fv_odometry_index_waiting(o);
+           fv_odometry_index_waiting(o) || fv_odometry_agreement_fits(o);
 }
 
 /* The window of the newest keyframe: started, advanced, or committed. */
@@ -385,6 +385,14 @@ static void window_job(struct fv_odometry *o)
     fv_odometry_cull(o);
 }
 
+/* Behind new landmarks. A pair's motion is fitted when nothing else is left to do. */
+static bool agreement_is_next(const struct fv_odometry *o)
+{
+    return fv_odometry_agreement_waiting(o) ||
+           (fv_odometry_agreement_fits(o) && !o->state->job_wanted &&
+            o->window.state->phase == FV_WINDOW_IDLE && !fv_odometry_index_waiting(o));
+}
+
 bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
@@ -395,7 +403,7 @@ bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
     /* New landmarks come first: localisation needs them, and the window works on its own copy. */
     if (s->creation.pending_count > 0 || s->creation.phase != FV_CREATION_IDLE)
         (void)fv_odometry_creation_unit(o, kernels);
-    else if (fv_odometry_agreement_waiting(o))
+    else if (agreement_is_next(o))
         fv_odometry_agreement_unit(o, kernels);
     else if (s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE)
         window_job(o);

@@ -80,7 +80,7 @@ static enum kind kind_of_map(const struct fovea *rt)
         return s->agreement.dropping ? KIND_KEYFRAME_GIVEN_UP : KIND_AGREEMENT;
     if (s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE)
         return kind_of_window(&o->window);
-    return KIND_INDEX;
+    return fv_odometry_index_waiting(o) ? KIND_INDEX : KIND_AGREEMENT;
 }
 
 static enum kind kind_of_solve(const struct fv_pose_graph *graph)

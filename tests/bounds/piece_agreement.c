@@ -20,6 +20,12 @@ static void hold(void *context)
     judge(o, &a, &b, a.keyframe->features < SAMPLED_MAX ? a.keyframe->features : SAMPLED_MAX);
 }
 
+static void fit(void *context)
+{
+    struct fovea *rt = context;
+    fit_unit(&rt->odometry);
+}
+
 static void give_up(void *context)
 {
     struct fovea *rt = context;
@@ -42,5 +48,7 @@ void pieces_of_agreement(struct fovea *rt)
     for (uint32_t f = 0; f < features; f++)
         o->agreement.distance[f] = 0;
     NOTE(agreement_judged, hold, rt, 1);
+    o->state->agreement.bias.pairs = 1; /* one before has asked for a correction */
+    NOTE(agreement_fitted, fit, rt, 1); /* with the evidence */
     NOTE(map_given_up, give_up, rt, 1);
 }

@@ -100,6 +100,7 @@
     ROW(keyframe_rated, "a keyframe's redundancy")                                                 \
     ROW(agreement_matched, "64 features of a keyframe against all of another")                     \
     ROW(agreement_judged, "all matches of two keyframes held against the map")                     \
+    ROW(agreement_fitted, "the motion of two keyframes fitted to their matches, half of it")       \
     ROW(window_picked, "keyframes of a window picked")                                             \
     ROW(observation_copied, "an observation copied to the window")                                 \
     ROW(feature_scanned, "a feature looked at for the window")                                     \

@@ -34,8 +34,11 @@ static void derive_creation(const struct capacities *c)
 static void derive_agreement(void)
 {
     struct bound *b = bound_of("map: agreement");
-    TERM(b, BOUND_ALWAYS, 1, agreement_matched);
-    TERM(b, BOUND_ALWAYS, 1, agreement_judged);
+    b->ways[1] = "matches";
+    b->ways[2] = "a motion fitted to them";
+    TERM(b, 1, 1, agreement_matched);
+    TERM(b, 1, 1, agreement_judged);
+    TERM(b, 2, 1, agreement_fitted);
     b = bound_of("map: keyframe given up");
     TERM(b, BOUND_ALWAYS, 1, keyframe_removed);
     TERM(b, BOUND_ALWAYS, 1, keyframe_chosen); /* as many are looked at */

@@ -31,7 +31,7 @@ static void spoil_newest(struct fv_odometry *o)
 static void check_newest(struct fv_odometry *o)
 {
     fv_odometry_agreement_queue(o, o->state->newest);
-    while (fv_odometry_agreement_waiting(o))
+    while (fv_odometry_agreement_waiting(o) || fv_odometry_agreement_fits(o))
         fv_odometry_agreement_unit(o, &rig.rt->kernels);
 }
 
@@ -119,6 +119,26 @@ static void each_measure_counts(void **state)
         s.doubts = s.checks = 4;
         assert_int_equal(fv_agreement_verdict(&s), FV_AGREEMENT_CONTRADICTED);
     }
+}
+
+/* So does a motion that is off alike from pair to pair; a hint of it keeps a suspect map back. */
+static void a_bias_counts(void **state)
+{
+    (void)state;
+    struct fv_agreement_state s = {.near = 94, .about = 100, .all = 105, .known = 90, .checks = 1};
+    s.bias.pairs = 1;
+    s.bias.way[0] = 0.1;
+    s.bias.evidence = 100;
+    assert_int_equal(fv_agreement_verdict(&s), FV_AGREEMENT_WEAK);
+    s.checks = 3;
+    assert_int_equal(fv_agreement_verdict(&s), FV_AGREEMENT_CONTRADICTED);
+    s.bias.way[0] = 0.01;
+    assert_int_equal(fv_agreement_verdict(&s), FV_AGREEMENT_GOOD);
+    s.suspect = true;
+    fv_agreement_confirm(&s);
+    assert_true(fv_agreement_withholds(&s));
+    s.bias.evidence = 1;
+    assert_false(fv_agreement_withholds(&s));
 }
 
 /* A suspect map is published with a confident pose after two checks, or after three that are clear.
@@ -259,17 +279,39 @@ static void no_wrong_map_of_a_drive_is_confident(void **state)
     }
 }
 
+/* In a bend, beside a lorry: the first map turns by two thirds of what the camera does and slides
+ * to the side, which fits both. Before it was looked for, 31 frames of it were published. */
+static void a_map_bent_between_two_motions_is_given_up(void **state)
+{
+    (void)state;
+    enum { BEND = 35 };
+    int posed[BEND] = {0}, most = 0;
+    sim_rig_open(&rig, "sim:road?seed=10", 0, BEND);
+    sim_rig_build(&rig);
+    run_to(BEND);
+    for (int n = 0; n < rig.frames; n++) {
+        if (!rig.pose[n].posed) continue;
+        assert_true(rig.pose[n].map_id < BEND);
+        if (++posed[rig.pose[n].map_id] > most) most = posed[rig.pose[n].map_id];
+    }
+    printf("%d frames of one map published\n", most);
+    assert_true(most < 10);
+    sim_rig_close(&rig);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_right_map_agrees),
         cmocka_unit_test(a_wrong_map_is_given_up),
         cmocka_unit_test(each_measure_counts),
+        cmocka_unit_test(a_bias_counts),
         cmocka_unit_test(a_suspect_map_is_confirmed),
         cmocka_unit_test(a_first_check_counts),
         cmocka_unit_test(a_confident_pose_publishes),
         cmocka_unit_test(a_map_of_a_lorry_is_withheld),
         cmocka_unit_test(no_wrong_map_of_a_drive_is_confident),
+        cmocka_unit_test(a_map_bent_between_two_motions_is_given_up),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,176 @@
+/* Bias of a map's motion: a motion that is off alike in pair after pair is found, and the fit
+ * behind it comes to the truth; a right one, one whose errors are each pair's own, and one that is
+ * off by less than matters are not. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+/* cmocka needs the above */
+#include <cmocka.h>
+
+#include "base/elementary.h"
+#include "geometry/vec.h"
+#include "odometry/bias.h"
+
+enum { MATCHES = 160, WRONG = 24, PAIRS = 8 };
+#define FOCAL_PX 700.0
+
+static struct fv_bias_match matches[MATCHES];
+static struct fv_random random_numbers;
+
+static double draw(double low, double high)
+{
+    return low + (high - low) * fv_random_unit(&random_numbers);
+}
+
+/* About a third of a pixel, either way. */
+static double noise(void)
+{
+    return (draw(-0.5, 0.5) + draw(-0.5, 0.5)) / FOCAL_PX;
+}
+
+/* The true motion of a car's camera: 2 m ahead, in a slight bend. */
+static void true_motion(struct fv_se3 *T)
+{
+    const double turn[3] = {0.001, -0.02, 0.002};
+    fv_so3_exp(turn, T->R);
+    T->t[0] = 0.03;
+    T->t[1] = 0;
+    T->t[2] = -2;
+}
+
+static void unit_bearing(const double p[3], float x[3])
+{
+    double q[3] = {p[0] / p[2] + noise(), p[1] / p[2] + noise(), 1};
+    (void)fv_normalise3(q);
+    for (int k = 0; k < 3; k++)
+        x[k] = (float)q[k];
+}
+
+/* Points 6 to 60 m ahead, and some matches that are none. */
+static void make_pair(const struct fv_se3 *T)
+{
+    for (int i = 0; i < MATCHES; i++) {
+        const double z = draw(6, 60), p[3] = {draw(-0.8, 0.8) * z, draw(-0.25, 0.25) * z, z};
+        double q[3];
+        fv_se3_apply(T, p, q);
+        if (i < WRONG) q[0] += 0.2 * z, q[1] -= 0.1 * z;
+        unit_bearing(p, matches[i].x1);
+        unit_bearing(q, matches[i].x2);
+        matches[i].weight = 1;
+    }
+}
+
+/* The map's motion of a pair: the true one, turned about the vertical and its way bent to the side
+ * so that points at 20 m hardly tell. */
+static void map_motion(const struct fv_se3 *T, double turn_rad, struct fv_se3 *map)
+{
+    const double turn[3] = {0, turn_rad, 0};
+    double exp[9];
+    fv_so3_exp(turn, exp);
+    fv_multiply33(exp, T->R, map->R);
+    fv_copy3(T->t, map->t);
+    map->t[0] -= 20 * turn_rad;
+}
+
+/* Pairs whose maps are off by what `turns` says; the state behind them. */
+static void run(const double turns[PAIRS], struct fv_bias_state *s)
+{
+    int far = 0;
+    fv_random_seed(&random_numbers, 5);
+    fv_bias_forget(s);
+    for (int n = 0; n < PAIRS; n++) {
+        struct fv_se3 T, map;
+        uint32_t units = 1;
+        true_motion(&T);
+        make_pair(&T);
+        map_motion(&T, turns[n], &map);
+        assert_true(fv_bias_begin(s, &map));
+        while (!fv_bias_unit(s, matches, MATCHES, FOCAL_PX))
+            units++;
+        assert_int_equal(units, 2);
+        (void)fv_normalise3(T.t);
+        double off[3];
+        fv_subtract3(s->fit.t, T.t, off);
+        far += fv_norm3(off) > 0.01; /* rad */
+    }
+    assert_true(far <= 2);
+    printf("evidence %.1f, turned way %.3f rad\n", s->evidence, fv_norm3(s->way) / s->pairs);
+}
+
+static void a_lasting_error_is_found(void **state)
+{
+    (void)state;
+    static const double turns[PAIRS] = {0.008, 0.008, 0.009, 0.008, 0.007, 0.008, 0.008, 0.009};
+    struct fv_bias_state s;
+    run(turns, &s);
+    assert_true(fv_bias_found(&s));
+    assert_false(fv_bias_clear(&s));
+    assert_true(fv_norm3(s.way) / s.pairs > 0.06 && fv_norm3(s.turn) / s.pairs > 0.006);
+    s.evidence = 50; /* enough of a young map */
+    assert_true(fv_bias_found(&s));
+    s.seen = 13;
+    assert_false(fv_bias_found(&s));
+    fv_bias_forget(&s);
+    assert_false(fv_bias_found(&s));
+    assert_true(fv_bias_clear(&s));
+}
+
+static void a_right_motion_is_not(void **state)
+{
+    (void)state;
+    static const double turns[PAIRS] = {0};
+    struct fv_bias_state s;
+    run(turns, &s);
+    assert_false(fv_bias_found(&s));
+    assert_true(fv_bias_clear(&s));
+    assert_true(s.evidence < 5);
+}
+
+/* As large as those that are found, but each pair's own. */
+static void errors_of_single_pairs_are_not(void **state)
+{
+    (void)state;
+    static const double turns[PAIRS] = {0.008, -0.008, -0.007, 0.009, -0.009, 0.008, 0.007, -0.008};
+    struct fv_bias_state s;
+    run(turns, &s);
+    assert_false(fv_bias_found(&s));
+    assert_true(s.evidence < 5);
+}
+
+/* Evidence of a small one keeps a suspect map back, and ends none. */
+static void a_small_error_matters_not(void **state)
+{
+    (void)state;
+    static const double turns[PAIRS] = {0.003, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003};
+    struct fv_bias_state s;
+    run(turns, &s);
+    assert_false(fv_bias_found(&s));
+    assert_false(fv_bias_clear(&s));
+}
+
+static void nothing_is_fitted_without_a_way(void **state)
+{
+    (void)state;
+    struct fv_se3 T;
+    struct fv_bias_state s;
+    fv_bias_forget(&s);
+    true_motion(&T);
+    memset(T.t, 0, sizeof T.t);
+    assert_false(fv_bias_begin(&s, &T));
+    assert_false(fv_bias_found(&s));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_lasting_error_is_found),
+        cmocka_unit_test(a_right_motion_is_not),
+        cmocka_unit_test(errors_of_single_pairs_are_not),
+        cmocka_unit_test(a_small_error_matters_not),
+        cmocka_unit_test(nothing_is_fitted_without_a_way),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
