@@ -14,7 +14,7 @@ enum { UNIT_OBSERVATIONS = 350 };
 static const struct fv_damping damping_rule = {.fall = 0.2, .floor = 1e-9, .rise = 10};
 
 void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits,
-                     const struct fv_map *map, struct fv_arena *job)
+                     const struct fv_map *map, bool gyro, struct fv_arena *job)
 {
     window->limits = *limits;
     window->map = map;
@@ -24,6 +24,8 @@ void fv_window_carve(struct fv_window *window, const struct fv_window_limits *li
     window->distances = map != NULL && map->limits.distances
                             ? fv_arena_take(job, limits->observations, sizeof *window->distances)
                             : NULL;
+    window->turns = NULL;
+    window->gyro = gyro ? fv_arena_take(job, 1, sizeof *window->gyro) : NULL;
 }
 
 void fv_window_abort(struct fv_window *window)
@@ -224,12 +226,14 @@ static void keep(struct fv_window *w, bool accept)
         else
             fv_copy3(l->before, l->point);
     }
+    fv_window_keep_turns(w, accept);
 }
 
 /* All landmarks are through: judge the step that led here, and take the next. */
 static void end_pass(struct fv_window *w)
 {
     struct fv_window_state *s = w->state;
+    s->cost += fv_window_add_turns(w);
     bool first = s->pass == 0, better = first || s->cost < s->cost_before || !s->step_pending;
     s->pass++;
     s->packed = false;
@@ -273,6 +277,7 @@ void fv_window_clear(struct fv_window *w)
 {
     memset(w->state, 0, sizeof *w->state);
     memset(w->state->pose_of, -1, sizeof w->state->pose_of);
+    if (w->gyro != NULL) memset(w->gyro, 0, sizeof *w->gyro);
     w->state->damping = 1e-4;
 }
 

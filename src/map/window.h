@@ -6,12 +6,17 @@
  * "Bundle adjustment: a modern synthesis" (2000). The window is copied into job memory when the job
  * starts; the copy is worked on in units; the commit writes back what still holds by (slot,
  * generation). Keyframes outside the window that see its landmarks take part unmoved. In a metric
- * map the measured inverse distance of an observation is a third error of it. State holds
- * no addresses. Real-time safe; every unit is bounded. */
+ * map the measured inverse distance of an observation is a third error of it. Where a gyro measured
+ * how the camera turned from one keyframe of the window to the next (turns.h), that is an error,
+ * too: of the turn between their poses, robust (Huber) like the pixels'. The keyframe before the
+ * window takes part for it, unmoved. The gyro's bias is one more unknown, held by what is known of
+ * it, and eliminated like a landmark. State holds no addresses. Real-time safe; every unit is
+ * bounded. */
 #ifndef FOVEA_MAP_WINDOW_H
 #define FOVEA_MAP_WINDOW_H
 
 #include "map/map.h"
+#include "map/turns.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -79,6 +84,21 @@ struct fv_window_state {
     uint64_t keyframe_number;                 /* newest keyframe when the job started */
 };
 
+/* The gyro's part: its bias, and the turns between keyframes that follow each other. */
+struct fv_window_gyro {
+    uint64_t count;                 /* turns */
+    double bias[3], mean[3];        /* in work, and as it was known, rad/s in the camera's axes */
+    double before[3];               /* as last accepted */
+    double weight;                  /* of what was known: 1 / sigma^2 */
+    double inverse[6], gradient[3]; /* of its damped block, */
+    double cross[FV_WINDOW_KEYFRAMES_MAX][18]; /* and between it and the poses, by column */
+    struct fv_window_turn {
+        uint64_t a, b; /* poses */
+        double weight; /* 1 / variance */
+        struct fv_turn turn;
+    } turns[FV_WINDOW_KEYFRAMES_MAX];
+};
+
 struct fv_window {
     struct fv_window_limits limits;
     const struct fv_map *map; /* that pixels are of */
@@ -87,11 +107,13 @@ struct fv_window {
     struct fv_window_observation *observations;
     /* by observation, where the map is metric; NULL where the map keeps none */
     struct fv_inverse_distance *distances;
+    const struct fv_turns *turns; /* as measured; NULL: none are */
+    struct fv_window_gyro *gyro;  /* NULL: there is none */
 };
 
-/* `map` stays the caller's. */
+/* `map` stays the caller's, as do the `turns` that it sets where there is a `gyro`. */
 void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits,
-                     const struct fv_map *map, struct fv_arena *job);
+                     const struct fv_map *map, bool gyro, struct fv_arena *job);
 
 /* Copy the window around keyframe `newest`. False when there is nothing to optimise (then the job
  * stays idle). */
@@ -111,7 +133,7 @@ struct fv_window_result fv_window_commit(struct fv_window *window, struct fv_map
 
 void fv_window_abort(struct fv_window *window);
 
-/* ---- what window_copy.c, which fills the window, and window.c share ------------------------- */
+/* ---- between the window's own files ---------------------------------------------------------- */
 
 /* An empty window. */
 void fv_window_clear(struct fv_window *window);
@@ -119,6 +141,15 @@ void fv_window_clear(struct fv_window *window);
 void fv_window_put_landmark(struct fv_window *window, const double point[3]);
 /* Begin the first of at most `passes` passes. */
 void fv_window_begin(struct fv_window *window, uint32_t passes);
+/* A pose, unmoved so far; returns its index. */
+uint32_t fv_window_put_pose(struct fv_window_state *state, const struct fv_map *map, uint32_t slot);
+/* Take the turns between the window's keyframes, which are its first `in_window` poses, once their
+ * columns are numbered. */
+void fv_window_take_turns(struct fv_window *window, const struct fv_map *map, uint32_t in_window);
+/* At the end of a pass: add them to the system where the poses are in work; returns their cost. */
+double fv_window_add_turns(struct fv_window *window);
+/* The step that led there is kept, or taken back. */
+void fv_window_keep_turns(struct fv_window *window, bool accept);
 
 #ifdef __cplusplus
 }

@@ -16,7 +16,7 @@ static int32_t pose_of(const struct fv_window_state *s, uint32_t slot)
     return s->pose_of[slot];
 }
 
-static uint32_t add_pose(struct fv_window_state *s, const struct fv_map *map, uint32_t slot)
+uint32_t fv_window_put_pose(struct fv_window_state *s, const struct fv_map *map, uint32_t slot)
 {
     struct fv_window_pose *p = &s->poses[s->pose_count];
     p->T_cam_world = p->before = p->at_start = map->keyframes[slot].T_cam_world;
@@ -32,7 +32,7 @@ static uint32_t add_pose(struct fv_window_state *s, const struct fv_map *map, ui
 static void pick_keyframes(struct fv_window *w, const struct fv_map *map, uint32_t newest)
 {
     struct fv_window_state *s = w->state;
-    (void)add_pose(s, map, newest);
+    (void)fv_window_put_pose(s, map, newest);
     struct fv_map_frame frame = fv_map_frame_at(map, newest);
     uint16_t shared[256] = {0};
     for (uint32_t i = 0; i < frame.keyframe->features; i++) {
@@ -47,7 +47,7 @@ static void pick_keyframes(struct fv_window *w, const struct fv_map *map, uint32
         if (shared[best] < 15 && s->pose_count >= 2) break;
         if (shared[best] == 0) break;
         shared[best] = 0;
-        (void)add_pose(s, map, best);
+        (void)fv_window_put_pose(s, map, best);
     }
 }
 
@@ -72,7 +72,8 @@ static void add_observations(struct fv_window *w, const struct fv_map *map,
     for (uint32_t k = 0; k < l->observer_count; k++) {
         uint32_t slot = l->observers[k].keyframe;
         int32_t pose = pose_of(s, slot);
-        if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX) pose = (int32_t)add_pose(s, map, slot);
+        if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX)
+            pose = (int32_t)fv_window_put_pose(s, map, slot);
         if (pose < 0) continue;
         struct fv_window_observation *o = &w->observations[s->observation_count++];
         o->seen = fv_map_frame_at(map, slot).points[l->observers[k].feature];
@@ -118,6 +119,7 @@ bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
     copy_landmarks(w, map, in_window, 3);
     copy_landmarks(w, map, in_window, 2);
     number_columns(s, map, in_window);
+    fv_window_take_turns(w, map, in_window);
     if (s->moved_count == 0 || s->landmark_count < 10) return false;
     s->packed = true;
     s->keyframe_number = map->keyframes[newest].number;

@@ -332,11 +332,15 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     fv_odometry_judge_freeze(o, &frame, &last, &T);
     if (!o->state->usable.frozen) note_motion(o, &last, &T, frame.keyframe->stamp_ns);
     frame.keyframe->T_cam_world = T;
+    struct fv_se3 held = T;
+    fv_odometry_hold_turn(o, &last, &fit, !o->state->usable.frozen, &held);
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
     o->state->covariance_reliable = fv_covariance_write(o, &frame, &fit);
+    fv_odometry_share_own(o);
     fv_odometry_add_freeze(o, &frame);
+    frame.keyframe->T_cam_world = held; /* what pictures alone leave in doubt stays stated */
     remember(o, &frame);
     return inliers;
 }

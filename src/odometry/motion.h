@@ -11,6 +11,7 @@
 #include <stdint.h>
 
 #include "geometry/se3.h"
+#include "map/turns.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -28,6 +29,12 @@ struct fv_motion_hint {
     bool turn;                /* T_now_last.R is known, */
     bool whole;               /* and its translation, in the map's unit */
     struct fv_se3 T_now_last; /* the camera */
+    /* The turn is a measurement (turn.h), not a guess for searching alone; with the rate at this
+     * frame, rad/s in the camera's axes. */
+    bool measured;
+    struct fv_turn turned;
+    double rate[3];
+    struct fv_gyro_known gyro;
 };
 
 /* The last two posed frames, not farther apart than they should be. `before` is not known after a

@@ -17,7 +17,8 @@ static const double window_converged =
 
 void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
                        const struct fovea_camera *camera, uint32_t features_max, bool distances,
-                       struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame)
+                       bool gyro, struct fv_arena *persistent, struct fv_arena *job,
+                       struct fv_arena *frame)
 {
     memset(o, 0, sizeof *o);
     o->config = *config;
@@ -35,7 +36,9 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     fv_distances_carve(&o->distances, distances, features_max, frame);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES, window_converged};
-    fv_window_carve(&o->window, &window, &o->map, job);
+    o->turns = gyro ? fv_arena_take(persistent, 1, sizeof *o->turns) : NULL;
+    fv_window_carve(&o->window, &window, &o->map, gyro, job);
+    o->window.turns = o->turns;
     fv_creator_carve(&o->creator, features_max, job);
     fv_agreement_carve(&o->agreement, features_max, job);
     if (config->closures) fv_closure_carve(&o->closure, &limits, persistent, job);
@@ -59,6 +62,8 @@ static void begin_in_map(struct fv_odometry *o)
     memset(&s->agreement, 0, sizeof s->agreement);
     memset(&s->usable, 0, sizeof s->usable);
     memset(&s->covariance, 0, sizeof s->covariance);
+    memset(&s->turn, 0, sizeof s->turn);
+    if (o->turns != NULL) fv_turns_forget(o->turns);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
     if (fv_odometry_saving(o)) { /* half of one map and half of another are none */
         fv_odometry_save_drop(o);
@@ -347,6 +352,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
         s->state = confidence(o, s->pose.inliers);
         write_pose(o);
     }
+    fv_odometry_follow_turn(o);
     s->pose.state = s->state;
     if (s->state == FOVEA_TRACKING_OK) fv_agreement_confirm(&s->agreement);
     if (fv_agreement_withholds(&s->agreement)) withhold(&s->pose); /* odometry itself goes on */

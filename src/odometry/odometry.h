@@ -31,6 +31,7 @@
 #include "odometry/landmark_creation.h"
 #include "odometry/localise.h"
 #include "odometry/relocalise.h"
+#include "odometry/turn.h"
 #include "odometry/usable.h"
 
 #ifdef __cplusplus
@@ -65,6 +66,7 @@ struct fv_odometry_state {
     uint32_t newest;           /* slot of the newest keyframe */
     uint32_t keyframe_matches; /* landmarks that the newest keyframe was localised on */
     struct fv_localise_state localise;
+    struct fv_turn_state turn;
     struct fv_still_state still;
     struct fv_creation_state creation;
     struct fv_agreement_state agreement;
@@ -89,6 +91,7 @@ struct fv_odometry {
     struct fv_bearing_table bearings;
     struct fv_map map;
     struct fv_odometry_state *state;
+    struct fv_turns *turns; /* persistent; NULL: no gyro */
     /* The step: the first map, the pose of a frame, finding it again, its covariance. */
     struct fv_matches matches;
     struct fv_initialiser initialiser;
@@ -118,11 +121,12 @@ struct fv_odometry_input {
     struct fv_motion_hint hint; /* all zero: none */
 };
 
-/* Take memory from the three parts; `distances`: inputs may have them. Fills sizes and addresses
- * only. Init-only. */
+/* Take memory from the three parts; `distances`: inputs may have them; `gyro`: hints may be
+ * measured turns. Fills sizes and addresses only. Init-only. */
 void fv_odometry_carve(struct fv_odometry *odometry, const struct fovea_odometry_config *config,
                        const struct fovea_camera *camera, uint32_t features_max, bool distances,
-                       struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
+                       bool gyro, struct fv_arena *persistent, struct fv_arena *job,
+                       struct fv_arena *frame);
 void fv_odometry_init(struct fv_odometry *odometry, uint64_t seed);
 
 /* Change inliers_good and lost_frames_reset. Real-time safe. */
@@ -186,6 +190,9 @@ const struct fovea_pose *fv_odometry_pose(const struct fv_odometry *odometry);
  * and turn (rad), standard deviations of an axis: unlike its covariance, nothing that frames that
  * follow each other have in common, but for the motion that a stuck picture hides. 0: no pose. */
 void fv_odometry_own_sigmas(const struct fv_odometry *odometry, double *position, double *turn);
+/* An attitude of the last frame's camera, as R_x_cam, without what the gyro added to it (turn.h):
+ * as the picture alone showed it. */
+void fv_odometry_seen_attitude(const struct fv_odometry *odometry, double R_x_cam[9]);
 /* How often the world of the poses became another: a new one, or that of an older map. */
 uint32_t fv_odometry_reset_counter(const struct fv_odometry *odometry);
 /* The last frame's pose in the world of the map. */

@@ -180,8 +180,8 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
          * from here on, none of which outlasts a step. */
         struct fv_arena beneath = arenas[FRAME];
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.rig.cameras[0].camera,
-                          config->features.count_max, rt->stereo_used, &arenas[PERSISTENT],
-                          &arenas[JOB], &arenas[FRAME]);
+                          config->features.count_max, rt->stereo_used, fv_config_inertial(config),
+                          &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
         fv_carving_book(carving, "odometry");
         fv_scale_carve(&rt->scale, &config->scale, first->T_body_cam, &arenas[PERSISTENT],
                        &arenas[JOB]);

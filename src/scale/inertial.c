@@ -26,7 +26,14 @@ static const double stereo_sigma_least = 0.005, mono_sigma_least = 0.01;
  * than this, rad. Found in simulation on odd seeds of four trajectories. */
 static const double gravity_sigma_least = 1.2e-3;
 static const double gyro_bias_sigma_max = 0.01; /* to predict turns by, rad/s */
-static const double gyro_bias_most = 0.2;       /* twice that of cheap sensors, rad/s */
+/* To hold poses by turns, rad/s, s and rad: poses that a wrong clock or mount has turned no longer
+ * show that it is wrong. */
+static const double measures_bias = 1e-3, measures_clock_s = 3e-3, measures_mount = 0.02;
+static const double gyro_bias_least = 1e-4;
+/* What is left in a turn of the noise that a shaken gyro's samples show beyond that of its data
+ * sheet: vibration turns back. Over a second of euroc_mh05_a turns are good to .015 degrees. */
+static const double shaken_share = 0.4;
+static const double gyro_bias_most = 0.2; /* twice that of cheap sensors, rad/s */
 static const int64_t coasting_max_ns = 2000000000, rate_age_max_ns = 20000000;
 static const double gravity_m_s2 = 9.80665;
 /* Of what came of samples by a wrong clock: scale (relative), gravity (rad), biases. */
@@ -185,11 +192,12 @@ static void add_station(struct fv_inertial_stage *stage, const struct fv_odometr
     const struct fovea_pose *pose = fv_odometry_pose(odometry);
     const struct fv_odometry_reference reference = fv_odometry_reference(odometry);
     const double depth = depth_of(odometry);
-    const struct fv_inertial_owner of = {reference.slot, reference.number,
-                                         reference.T_keyframe_cam};
+    struct fv_inertial_owner of = {reference.slot, reference.number, reference.T_keyframe_cam};
     struct fv_inertial_pose given;
     own_sigmas(odometry, depth, &given.position_sigma, &given.turn_sigma);
     fv_se3_from_rows(pose->T_world_cam, &given.T_world_cam);
+    fv_odometry_seen_attitude(odometry, given.T_world_cam.R);
+    fv_odometry_seen_attitude(odometry, of.T_keyframe_cam.R);
     fv_inertial_add_station(&stage->estimator, stamp_ns, &of, &given);
     stage->state->station_ns = stamp_ns;
     stage->state->depth = depth;
@@ -230,6 +238,63 @@ static bool same_world(const struct fv_inertial_stage_state *s, const struct fv_
     return s->begun && s->reset_counter == fv_odometry_reset_counter(odometry);
 }
 
+/* out = C M C^T */
+static void turned_axes(const double C[9], const double M[9], double out[9])
+{
+    double CM[9];
+    fv_multiply33(C, M, CM);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            out[3 * r + c] = fv_dot3(CM + 3 * r, C + 3 * c);
+}
+
+/* What the gyro is known by, in the camera's axes. */
+static struct fv_gyro_known gyro_known(const struct fv_inertial_stage *stage)
+{
+    const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
+    const struct fv_se3 *T_cam_imu = &stage->estimator.config.T_cam_imu;
+    struct fv_gyro_known known;
+    struct fv_imu_clock_mount mount;
+    double variance = 0, square[9];
+    for (int i = FV_INERTIAL_GYRO_BIAS; i < FV_INERTIAL_TAIL; i++)
+        if (e->covariance[i * (FV_INERTIAL_TAIL + 1)] > variance)
+            variance = e->covariance[i * (FV_INERTIAL_TAIL + 1)];
+    fv_rotate3(T_cam_imu->R, e->shared.gyro_bias, known.bias);
+    known.bias_sigma =
+        e->known ? __builtin_sqrt(variance + gyro_bias_least * gyro_bias_least) : gyro_bias_most;
+    fv_imu_clock_mount(&stage->clock->mounted, &mount);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            square[3 * r + c] =
+                mount.error[r] * mount.error[c] + (r == c ? mount.sigma[r] * mount.sigma[r] : 0);
+    turned_axes(T_cam_imu->R, square, known.doubt.mount);
+    const double sigma_s = fv_imu_clock_sigma(&stage->clock->found),
+                 off_s = stage->clock->found.offset_s - (double)stage->clock->moved_ns * 1e-9;
+    known.doubt.clock_s = __builtin_sqrt(sigma_s * sigma_s + off_s * off_s);
+    return known;
+}
+
+/* The turn as a measurement of the camera's. */
+static void measure_turn(const struct fv_inertial_stage *stage, const struct fv_preintegration *sum,
+                         struct fv_motion_hint *hint)
+{
+    const double *C = stage->estimator.config.T_cam_imu.R;
+    const double stated = stage->estimator.config.noise.gyro,
+                 believed = stage->estimator.state->noise.gyro;
+    double rate[3];
+    hint->gyro = gyro_known(stage);
+    turned_axes(C, sum->turn, hint->turned.R);
+    hint->measured =
+        hint->gyro.bias_sigma < measures_bias && hint->gyro.doubt.clock_s < measures_clock_s &&
+        fv_turn_mount_share(&hint->turned, &hint->gyro.doubt) < measures_mount * measures_mount;
+    turned_axes(C, sum->turn_gyro, hint->turned.by_bias);
+    fv_rotate3(C, sum->biases.gyro, hint->turned.bias);
+    hint->turned.variance =
+        (stated + shaken_share * shaken_share * (believed - stated)) * sum->time_s;
+    fv_subtract3(stage->state->live.gyro, sum->biases.gyro, rate);
+    fv_rotate3(C, rate, hint->rate);
+}
+
 /* Whether the gyro's bias is known: by this map, or by one before. */
 static bool turns_known(const struct fv_inertial_stage *stage)
 {
@@ -255,6 +320,7 @@ void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_
         !fv_inertial_live_reach(&s->live, &stage->estimator.state->noise, stamp_ns, &sum))
         return;
     camera_motion(stage, &sum, s->known.gravity, &hint->T_now_last, velocity);
+    if (!fv_odometry_withholds(odometry)) measure_turn(stage, &sum, hint);
     const double map_scale = fv_odometry_map(odometry)->state->S_map_world.s;
     hint->turn = true;
     hint->whole = s->known.claimed && s->live.moving &&
@@ -383,7 +449,7 @@ void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odo
         s->reset_counter != fv_odometry_reset_counter(odometry))
         enter(stage, odometry);
     follow_pose(stage, odometry, stamp_ns);
-    if (fv_inertial_stage_compare_clocks(stage, pose, stamp_ns)) {
+    if (fv_inertial_stage_compare_clocks(stage, odometry, stamp_ns)) {
         doubt(stage);
         return;
     }

@@ -153,10 +153,11 @@ double fv_inertial_stage_coast_velocity_sigma(const struct fv_inertial_stage *st
                                               const struct fv_preintegration *sum);
 
 void fv_inertial_stage_init_clocks(struct fv_inertial_stage *stage);
-/* After a frame with a pose: from now on samples are moved by clock->moved_ns. True: that is so far
- * from what it was that nothing of before holds. */
+/* After a frame with a pose: clocks and mount are judged by what its picture showed. From now on
+ * samples are moved by clock->moved_ns. True: that is so far from what it was that nothing of
+ * before holds. */
 bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,
-                                      const struct fovea_pose *pose, int64_t stamp_ns);
+                                      const struct fv_odometry *odometry, int64_t stamp_ns);
 
 /* A sample; a frame with a pose, before the filter of frames takes it; the filter after that; and a
  * frame without one, whose motion by the samples is in `known`. */

@@ -61,15 +61,17 @@ static void turn_covariance(const struct fv_se3 *T_cam_imu, const double pose[21
 }
 
 bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,
-                                      const struct fovea_pose *pose, int64_t stamp_ns)
+                                      const struct fv_odometry *odometry, int64_t stamp_ns)
 {
     const struct fv_inertial_config *config = &stage->estimator.config;
+    const struct fovea_pose *pose = fv_odometry_pose(odometry);
     struct fv_inertial_stage_clock *clock = stage->clock;
     const struct fv_imu_clock_noise noise = {stage->estimator.state->noise.gyro,
                                              stage->imu.gyro_walk * stage->imu.gyro_walk};
     struct fv_imu_clock_frame frame = {.stamp_ns = stamp_ns};
     struct fv_se3 T_world_cam;
     fv_se3_from_rows(pose->T_world_cam, &T_world_cam);
+    fv_odometry_seen_attitude(odometry, T_world_cam.R);
     fv_multiply33(T_world_cam.R, config->T_cam_imu.R, frame.R);
     turn_covariance(&config->T_cam_imu, pose->covariance, frame.covariance);
     fv_imu_clock_frame(&clock->found, &noise, &frame);

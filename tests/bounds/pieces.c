@@ -40,6 +40,7 @@ void pieces_measure(struct fovea *rt, struct fovea *two, struct fovea *inertial,
     pieces_of_distances(two);
     pieces_of_inertial(inertial);
     pieces_of_inertial_samples(inertial);
+    pieces_of_turns(inertial);
     pieces_of_features(rt);
     pieces_of_pose(rt);
     pieces_of_map(rt);

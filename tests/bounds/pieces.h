@@ -106,6 +106,8 @@
     ROW(feature_scanned, "a feature looked at for the window")                                     \
     ROW(observation_passed, "an observation linearised, its landmark's share with it")             \
     ROW(pass_ended, "a pass judged, and the window's system solved")                               \
+    ROW(turns_taken, "turns between the window's keyframes joined")                                \
+    ROW(turns_added, "these turns added to a pass")                                                \
     ROW(misfit_dropped, "an observation that does not fit, unlinked")                              \
     ROW(landmark_moved, "a landmark moved with its reference")                                     \
     ROW(keyframe_moved, "a keyframe moved with its parent")                                        \
@@ -176,6 +178,7 @@
     ROW(imu_judged, "a sample judged by the gate")                                                 \
     ROW(imu_observed, "a sample taken, where all that wait are as many as may")                    \
     ROW(motion_predicted, "the motion predicted by all samples that wait")                         \
+    ROW(turn_held, "a pose held by a measured turn, and the turn joined")                          \
     ROW(inertial_posed, "a frame compared with all samples that wait, and made a station")         \
     ROW(inertial_entered, "the same in another map, where all begins anew")                        \
     ROW(inertial_coasted, "a frame without a pose, carried on by all samples that wait")           \
@@ -266,6 +269,7 @@ void pieces_of_tensors(void);
 void pieces_of_distances(struct fovea *rt);
 void pieces_of_inertial(struct fovea *rt);
 void pieces_of_inertial_samples(struct fovea *rt);
+void pieces_of_turns(struct fovea *rt);
 void pieces_of_edges(struct fovea *rt);
 void pieces_of_stereo(struct fovea *rt);
 void pieces_of_stereo_match(struct fovea *rt);

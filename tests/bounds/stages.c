@@ -279,6 +279,7 @@ static void derive_inertial(const struct capacities *c)
     TERM(b, BOUND_ALWAYS, FOVEA_INPUT_SAMPLES_MAX, imu_observed);
     b = bound_of("odometry: motion by samples");
     TERM(b, BOUND_ALWAYS, 1, motion_predicted);
+    TERM(b, BOUND_ALWAYS, 1, turn_held);
     b = bound_of("odometry: rolling shutter");
     TERM(b, BOUND_ALWAYS, features, feature_placed);
     TERM(b, BOUND_ALWAYS, 1, depth);

@@ -50,11 +50,13 @@ static void derive_window(const struct capacities *c)
                  window = c->window;
     struct bound *b = bound_of("map: window begun");
     TERM(b, BOUND_ALWAYS, 1, window_picked);
+    TERM(b, BOUND_ALWAYS, 1, turns_taken);
     TERM(b, BOUND_ALWAYS, 2 * window * features, feature_scanned);
     TERM(b, BOUND_ALWAYS, WINDOW_OBSERVATIONS_MOST, observation_copied);
     b = bound_of("map: window pass");
     TERM(b, BOUND_ALWAYS, WINDOW_UNIT_OBSERVATIONS + FV_MAP_OBSERVERS_MAX - 1, observation_passed);
     TERM(b, BOUND_ALWAYS, 1, pass_ended);
+    TERM(b, BOUND_ALWAYS, 1, turns_added);
     b = bound_of("map: window committed");
     TERM(b, BOUND_ALWAYS, keyframes + 1, keyframe_moved);
     TERM(b, BOUND_ALWAYS, landmarks + 2 * WINDOW_LANDMARKS_MOST, landmark_moved);

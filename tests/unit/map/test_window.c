@@ -22,6 +22,7 @@ enum { VIEWS = 8, POINTS = 400, WINDOW = 5 };
 struct fixture {
     struct fv_map map;
     struct fv_window window;
+    struct fv_turns turns;
     struct fovea_camera camera;
     struct fv_bearing_table bearings;
     struct fv_se3 truth[VIEWS];
@@ -42,7 +43,35 @@ static void carve(void *context, struct fv_arena *arena)
     const struct fv_window_limits window = {WINDOW, 600, 5000, 8, 1e-4};
     fv_bearing_carve(&f->bearings, limits.width, limits.height, arena);
     fv_map_carve(&f->map, &limits, &f->camera, &f->bearings, arena);
-    fv_window_carve(&f->window, &window, &f->map, arena);
+    fv_window_carve(&f->window, &window, &f->map, true, arena);
+}
+
+/* What a gyro with this bias, of which the samples are not rid, measured between the keyframes:
+ * .3 s each. */
+static void measure_turns(struct fixture *f, const double bias[3], double bias_sigma)
+{
+    const struct fv_gyro_known known = {{0, 0, 0}, bias_sigma, {{0}, 0}};
+    memset(&f->turns, 0, sizeof f->turns);
+    for (int v = 0; v < VIEWS; v++) {
+        struct fv_turn turn;
+        fv_turn_begin(&turn, known.bias);
+        for (int i = 0; i < 3; i++)
+            turn.by_bias[4 * i] = -0.3;
+        turn.variance = 1e-10;
+        if (v > 0) {
+            double between[9], drifted[3], E[9];
+            for (int r = 0; r < 3; r++)
+                for (int c = 0; c < 3; c++)
+                    between[3 * r + c] = fv_dot3(f->truth[v - 1].R + 3 * r, f->truth[v].R + 3 * c);
+            for (int i = 0; i < 3; i++)
+                drifted[i] = 0.3 * bias[i];
+            fv_so3_exp(drifted, E);
+            fv_multiply33(between, E, turn.R);
+        }
+        fv_turns_follow(&f->turns, v > 0 ? &turn : NULL, &known);
+        fv_turns_keyframe(&f->turns, f->map.keyframes[v].number);
+    }
+    f->window.turns = &f->turns;
 }
 
 /* A row of frames that look at a cloud; the first `exact` poses and no points are exact. */
@@ -120,6 +149,31 @@ static double pose_error(const struct fixture *f, int first, int last)
         fv_se3_invert(&f->map.keyframes[v].T_cam_world, &inverse);
         fv_se3_compose(&f->truth[v], &inverse, &D);
         worst = fmax(worst, fv_norm3(D.t));
+    }
+    return worst;
+}
+
+/* The worst error of the turn from a keyframe to the next, from `first` on. */
+static double turn_error(const struct fixture *f, int first)
+{
+    double worst = 0;
+    for (int v = first; v < VIEWS; v++) {
+        double between[9], E[9], D[9], e[3];
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++) {
+                between[3 * r + c] = fv_dot3(f->map.keyframes[v].T_cam_world.R + 3 * r,
+                                             f->map.keyframes[v - 1].T_cam_world.R + 3 * c);
+                E[3 * r + c] = fv_dot3(f->truth[v].R + 3 * r, f->truth[v - 1].R + 3 * c);
+            }
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++) {
+                double sum = 0;
+                for (int k = 0; k < 3; k++)
+                    sum += between[3 * r + k] * E[3 * c + k];
+                D[3 * r + c] = sum;
+            }
+        fv_so3_log(D, e);
+        worst = fmax(worst, fv_norm3(e));
     }
     return worst;
 }
@@ -213,9 +267,89 @@ static void commit_respects_what_changed(void **state)
     destroy(&f);
 }
 
+/* Turns that a gyro measured hold the turns between keyframes, from the one before the window on,
+ * and its bias is found with them. */
+static void a_gyro_holds_the_turns(void **state)
+{
+    (void)state;
+    const double bias[3] = {4e-3, -2e-3, 3e-3};
+    struct fixture f;
+    int units;
+    build(&f, 54, 0.005, 0.05, 0.7, 0, 3);
+    (void)run(&f, VIEWS - 1, &units);
+    const double alone = turn_error(&f, 3);
+    destroy(&f);
+    build(&f, 54, 0.005, 0.05, 0.7, 0, 3);
+    measure_turns(&f, bias, 1e-2);
+    assert_true(fv_window_start(&f.window, &f.map, VIEWS - 1));
+    assert_int_equal(f.window.gyro->count, WINDOW);
+    while (fv_window_unit(&f.window))
+        ;
+    const struct fv_window_gyro *gyro = f.window.gyro;
+    double off[3];
+    fv_subtract3(gyro->bias, bias, off);
+    (void)fv_window_commit(&f.window, &f.map);
+    printf("turns off by %.2e alone, %.2e with a gyro, its bias by %.2e of %.2e\n", alone,
+           turn_error(&f, 3), fv_norm3(off), fv_norm3(bias));
+    assert_true(turn_error(&f, 3) < 0.4 * alone);
+    assert_true(fv_norm3(off) < 0.15 * fv_norm3(bias));
+    destroy(&f);
+}
+
+/* A turn that is wrong by 3 degrees is left out, one by half a degree pulls little. */
+static void a_wrong_turn_is_borne(void **state)
+{
+    (void)state;
+    static const double wrong[3] = {0, 0.05, 0.007}, none[3] = {0, 0, 0};
+    double errors[3];
+    for (int i = 0; i < 3; i++) {
+        struct fixture f;
+        const double by[3] = {0, wrong[i], 0};
+        double E[9], R[9];
+        int units;
+        build(&f, 55, 0.003, 0.05, 0.7, 0, 3);
+        measure_turns(&f, none, 1e-4);
+        struct fv_turn *turn = &f.turns.links[5].turn;
+        fv_so3_exp(by, E);
+        fv_multiply33(turn->R, E, R);
+        memcpy(turn->R, R, sizeof R);
+        turn->variance = 4e-8;
+        (void)run(&f, VIEWS - 1, &units);
+        if (i == 1) assert_int_equal(f.window.gyro->count, WINDOW - 1);
+        errors[i] = turn_error(&f, 3);
+        destroy(&f);
+    }
+    printf("turns off by %.2e, %.2e with one 50 mrad wrong, %.2e with one 7 mrad wrong\n",
+           errors[0], errors[1], errors[2]);
+    assert_true(errors[1] < 1.5e-3);
+    assert_true(errors[2] < 0.75 * wrong[2]);
+}
+
+/* Without measured turns the result has the bits of a window that has no gyro. */
+static void no_turns_change_nothing(void **state)
+{
+    (void)state;
+    struct fixture f;
+    struct fv_se3 poses[2][VIEWS];
+    int units;
+    for (int gyro = 0; gyro < 2; gyro++) {
+        build(&f, 56, 0.02, 0.05, 0.7, 0, 3);
+        if (gyro == 0) f.window.gyro = NULL;
+        if (gyro == 1) f.window.turns = &f.turns; /* of which none is known */
+        (void)run(&f, VIEWS - 1, &units);
+        for (int v = 0; v < VIEWS; v++)
+            poses[gyro][v] = f.map.keyframes[v].T_cam_world;
+        destroy(&f);
+    }
+    assert_memory_equal(poses[0], poses[1], sizeof poses[0]);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_gyro_holds_the_turns),
+        cmocka_unit_test(a_wrong_turn_is_borne),
+        cmocka_unit_test(no_turns_change_nothing),
         cmocka_unit_test(exact_pixels_give_the_truth),
         cmocka_unit_test(noise_and_outliers_are_borne),
         cmocka_unit_test(commit_respects_what_changed),

@@ -31,7 +31,7 @@ static void carve(void *window, fv_arena *arena)
 {
     const fv_window_limits limits = {FV_WINDOW_KEYFRAMES_MAX, LANDMARKS_MAX, OBSERVATIONS_MAX,
                                      PASSES, 1e-10};
-    fv_window_carve(static_cast<fv_window *>(window), &limits, NULL, arena);
+    fv_window_carve(static_cast<fv_window *>(window), &limits, NULL, false, arena);
 }
 
 static void *make_window(fv_window *window)

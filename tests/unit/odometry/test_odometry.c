@@ -63,7 +63,7 @@ static void carve(struct rig *rig, const struct fovea_camera *camera)
     fv_pyramid_carve(&rig->pyramid, camera->width, camera->height, 8, frame);
     fv_features_carve(&rig->features, &features, &rig->pyramid, frame);
     fv_orb_carve(&rig->orb, FEATURES, &rig->pyramid, frame);
-    fv_odometry_carve(&rig->odometry, &config, camera, FEATURES, false, &rig->arenas[0],
+    fv_odometry_carve(&rig->odometry, &config, camera, FEATURES, false, false, &rig->arenas[0],
                       &rig->arenas[1], frame);
 }
 
