@@ -6,6 +6,7 @@
 #include "geometry/vec.h"
 
 static const double pictures_sigma = 2e-3, contradiction_sigmas2 = 16;
+static const double variance_least = 1e-12; /* no turn is known better than to a microradian */
 
 void fv_turn_begin(struct fv_turn *turn, const double bias[3])
 {
@@ -34,16 +35,18 @@ static void multiply_back33(const double A[9], const double B[9], double out[9])
 
 void fv_turn_join(struct fv_turn *turn, const struct fv_turn *next)
 {
-    double R_next[9], R[9], carried[9];
+    double R_next[9], R[9], carried[9], before[3];
     fv_turn_correct(next, turn->bias, R_next);
     fv_multiply33(turn->R, R_next, R);
     multiply_back33(R_next, turn->by_bias, carried);
     memcpy(turn->R, R, sizeof R);
     for (int i = 0; i < 9; i++)
         turn->by_bias[i] = carried[i] + next->by_bias[i];
+    fv_rotate_back3(R_next, turn->rate_change, before);
     for (int i = 0; i < 3; i++)
-        turn->rate_change[i] += next->rate_change[i];
+        turn->rate_change[i] = before[i] + next->rate_change[i];
     turn->variance += next->variance;
+    turn->time_s += next->time_s;
 }
 
 void fv_turn_error(const struct fv_turn *turn, const double bias[3], const double between[9],
@@ -55,7 +58,7 @@ void fv_turn_error(const struct fv_turn *turn, const double bias[3], const doubl
     fv_so3_log(E, error);
 }
 
-/* Of w x d, at right angles to w, in which two axes are: |w|^2 tr M - w M w of both. */
+/* E |w x d|^2 = |w|^2 tr M - w M w, of the two axes at right angles to w. */
 static double mount_variance(const double turned[3], const double M[9])
 {
     double along[3];
@@ -63,7 +66,7 @@ static double mount_variance(const double turned[3], const double M[9])
     return (fv_dot3(turned, turned) * (M[0] + M[4] + M[8]) - fv_dot3(turned, along)) / 2;
 }
 
-double fv_turn_mount_share(const struct fv_turn *turn, const struct fv_turn_doubt *doubt)
+double fv_turn_mount_fraction(const struct fv_turn *turn, const struct fv_turn_doubt *doubt)
 {
     double turned[3];
     fv_so3_log(turn->R, turned);
@@ -75,7 +78,8 @@ double fv_turn_variance(const struct fv_turn *turn, const struct fv_turn_doubt *
 {
     double turned[3];
     fv_so3_log(turn->R, turned);
-    return turn->variance + mount_variance(turned, doubt->mount) +
+    return variance_least + turn->variance + mount_variance(turned, doubt->mount) +
+           doubt->scale * doubt->scale * fv_dot3(turned, turned) / 3 +
            doubt->clock_s * doubt->clock_s * fv_dot3(turn->rate_change, turn->rate_change);
 }
 
@@ -89,6 +93,6 @@ double fv_turn_bias_variance(const struct fv_turn *turn, double sigma)
 
 bool fv_turn_contradicts(const double error[3], double variance)
 {
-    return fv_dot3(error, error) >
-           contradiction_sigmas2 * (variance + pictures_sigma * pictures_sigma);
+    return !(fv_dot3(error, error) <=
+             contradiction_sigmas2 * (variance + pictures_sigma * pictures_sigma));
 }

@@ -6,10 +6,11 @@
  * Measurements that follow each other are joined, a bias that is estimated anew corrects one to
  * first order.
  *
- * Noise of the samples is in `variance`. What is wrong with all samples alike is not: a mount that
- * is off by a small rotation d turns the axis of the turn by it, so that the turn w errs by w x d,
- * and a clock that is off takes the turn of other instants. How much of either is possible is the
- * caller's to say (struct fv_turn_doubt).
+ * Noise of the samples is in `variance`. What is wrong with all samples alike is not, and how much
+ * of it is possible is the caller's to say (struct fv_turn_doubt): a mount that is off by a small
+ * rotation d turns the axis of the turn by it, so that the turn w errs by w x d; a clock that is
+ * off by dt takes the turn of other instants, so that it errs by the change of the rate times dt;
+ * and a gyro whose scale is off errs by that fraction of the turn.
  *
  * rad, rad/s, seconds. Plain data, no addresses. Real-time safe, any thread. */
 #ifndef FOVEA_GEOMETRY_TURN_H
@@ -22,18 +23,20 @@ extern "C" {
 #endif
 
 struct fv_turn {
+    double time_s;
     double R[9];           /* axes of the end in those of the beginning */
     double by_bias[9];     /* derivative of its error by `bias`, row-major */
     double bias[3];        /* that the samples were rid of */
-    double rate_change[3]; /* rate at the end less that at the beginning, each in its own axes */
+    double rate_change[3]; /* rate at the end less that at the beginning, in the axes of the end */
     double variance;       /* of an axis, rad^2 */
 };
 
 /* What may be wrong with all samples alike: the mean square of the mount's error, camera's axes,
- * row-major, rad^2, and the standard deviation of the clocks' offset. */
+ * row-major, rad^2, and the standard deviations of the clocks' offset and of the gyro's scale. */
 struct fv_turn_doubt {
     double mount[9];
     double clock_s;
+    double scale; /* 1 is the whole */
 };
 
 /* No turn yet, by samples that will be rid of this bias. */
@@ -46,16 +49,15 @@ void fv_turn_correct(const struct fv_turn *turn, const double bias[3], double R[
  * `between`: R_begin_end as poses have it. */
 void fv_turn_error(const struct fv_turn *turn, const double bias[3], const double between[9],
                    double error[3]);
-/* What the mount adds, rad^2 of an axis, by the square of the turn: of its error what is along the
- * axis of the turn does nothing. 0 without a turn. */
-double fv_turn_mount_share(const struct fv_turn *turn, const struct fv_turn_doubt *doubt);
+/* What the mount adds, rad^2 of an axis, over the square of the turn; 0 without a turn. An error of
+ * the mount about the axis that the camera turns about adds nothing. */
+double fv_turn_mount_fraction(const struct fv_turn *turn, const struct fv_turn_doubt *doubt);
 /* Of an axis, noise and doubt, rad^2. */
 double fv_turn_variance(const struct fv_turn *turn, const struct fv_turn_doubt *doubt);
 /* What a bias that is known to `sigma`, rad/s, adds to that. */
 double fv_turn_bias_variance(const struct fv_turn *turn, double sigma);
-/* Whether an error of this variance (an axis, rad^2) is none of noise: beyond 4 sigmas, where
- * attitudes by pictures err by 2 mrad besides. One of both is wrong then: a picture that stands, a
- * mount, a sample. */
+/* True: the error exceeds 4 sigmas of this variance (an axis, rad^2) and of 2 mrad that attitudes
+ * by pictures may err by. Then the picture, the mount or a sample is wrong. */
 bool fv_turn_contradicts(const double error[3], double variance);
 
 #ifdef __cplusplus

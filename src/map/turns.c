@@ -10,8 +10,12 @@ void fv_turns_forget(struct fv_turns *turns)
 void fv_turns_follow(struct fv_turns *turns, const struct fv_turn *since_last,
                      const struct fv_gyro_known *gyro)
 {
-    turns->joined = turns->joined && since_last != NULL;
-    if (since_last == NULL) return;
+    if (since_last == NULL) {
+        turns->joined = false;
+        turns->gyro.bias_sigma = 0;
+        return;
+    }
+    if (gyro->moved_ns != turns->gyro.moved_ns) fv_turns_forget(turns);
     turns->gyro = *gyro;
     if (turns->joined) fv_turn_join(&turns->since, since_last);
 }

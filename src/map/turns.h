@@ -2,7 +2,9 @@
  *
  * Turns from frame to frame are joined until a frame becomes a keyframe; the last FV_TURNS_MAX of
  * what then stands between two keyframes are kept by their numbers, so that they outlast keyframes
- * that are given up. A frame to which no measured turn leads breaks the chain.
+ * that are given up. A frame to which no measured turn leads breaks the chain, and until turns are
+ * measured again none is used. Turns by samples of another clock are forgotten. A change of the map
+ * does not matter to them.
  *
  * State, no addresses. Real-time safe: a call takes at most FV_TURNS_MAX joins of some 100
  * multiplications. */
@@ -22,14 +24,15 @@ enum { FV_TURNS_MAX = 64 };
 
 /* What is known of the gyro: its bias in the camera's axes, rad/s, with one standard deviation. */
 struct fv_gyro_known {
-    double bias[3], bias_sigma;
+    double bias[3], bias_sigma; /* 0: nothing is */
     struct fv_turn_doubt doubt;
+    int64_t moved_ns; /* by which the samples' clock was moved */
 };
 
 struct fv_turns {
     struct fv_gyro_known gyro; /* at the last measured turn */
     struct fv_turn since;      /* from the last keyframe to the last frame */
-    uint64_t joined;           /* it is known */
+    uint64_t joined;           /* all turns between these two were measured */
     uint64_t number;           /* of that keyframe */
     uint64_t first, count;     /* a ring, oldest first */
     struct fv_turn_link {
@@ -38,7 +41,7 @@ struct fv_turns {
     } links[FV_TURNS_MAX];
 };
 
-/* Forget all: another map. */
+/* Forget all. */
 void fv_turns_forget(struct fv_turns *turns);
 /* A frame; NULL: no measured turn leads there from the frame before. */
 void fv_turns_follow(struct fv_turns *turns, const struct fv_turn *since_last,

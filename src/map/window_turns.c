@@ -7,6 +7,9 @@
 #include "geometry/vec.h"
 #include "map/window.h"
 
+/* The bias of a gyro walks: longer turns say little, and they need not say it. */
+static const double turn_seconds_max = 10;
+
 /* ---- filling --------------------------------------------------------------------------------- */
 
 static uint64_t number_of(const struct fv_window_state *s, const struct fv_map *map, uint32_t pose)
@@ -64,6 +67,7 @@ static void take_turn(struct fv_window *w, const struct fv_map *map, uint32_t a,
     struct fv_window_turn *t = &w->gyro->turns[w->gyro->count];
     double between[9], e[3];
     if (!fv_turns_between(w->turns, number_of(s, map, a), number_of(s, map, b), &t->turn)) return;
+    if (t->turn.time_s > turn_seconds_max) return;
     const double variance = fv_turn_variance(&t->turn, &known->doubt);
     turn_between(s, a, b, between);
     fv_turn_error(&t->turn, known->bias, between, e);

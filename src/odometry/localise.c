@@ -338,9 +338,9 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
     o->state->covariance_reliable = fv_covariance_write(o, &frame, &fit);
-    fv_odometry_share_own(o);
+    fv_odometry_reduce_own(o);
     fv_odometry_add_freeze(o, &frame);
-    frame.keyframe->T_cam_world = held; /* what pictures alone leave in doubt stays stated */
+    frame.keyframe->T_cam_world = held; /* the covariance stays that of the picture alone */
     remember(o, &frame);
     return inliers;
 }

@@ -28,11 +28,13 @@ static const double gravity_sigma_least = 1.2e-3;
 static const double gyro_bias_sigma_max = 0.01; /* to predict turns by, rad/s */
 /* To hold poses by turns, rad/s, s and rad: poses that a wrong clock or mount has turned no longer
  * show that it is wrong. */
-static const double measures_bias = 1e-3, measures_clock_s = 3e-3, measures_mount = 0.02;
+static const double held_bias_sigma_max = 1e-3, held_clock_max_s = 3e-3, held_mount_max = 0.02;
+static const double gyro_scale_sigma = 0.01; /* of what no calibration has taken out */
 static const double gyro_bias_least = 1e-4;
 /* What is left in a turn of the noise that a shaken gyro's samples show beyond that of its data
- * sheet: vibration turns back. Over a second of euroc_mh05_a turns are good to .015 degrees. */
-static const double shaken_share = 0.4;
+ * sheet: what vibration turns it turns back. Over a second of euroc_mh05_a turns are good to .015
+ * degrees. */
+static const double shaken_fraction = 0.4;
 static const double gyro_bias_most = 0.2; /* twice that of cheap sensors, rad/s */
 static const int64_t coasting_max_ns = 2000000000, rate_age_max_ns = 20000000;
 static const double gravity_m_s2 = 9.80665;
@@ -239,7 +241,7 @@ static bool same_world(const struct fv_inertial_stage_state *s, const struct fv_
 }
 
 /* out = C M C^T */
-static void turned_axes(const double C[9], const double M[9], double out[9])
+static void in_camera_axes(const double C[9], const double M[9], double out[9])
 {
     double CM[9];
     fv_multiply33(C, M, CM);
@@ -248,13 +250,14 @@ static void turned_axes(const double C[9], const double M[9], double out[9])
             out[3 * r + c] = fv_dot3(CM + 3 * r, C + 3 * c);
 }
 
-/* What the gyro is known by, in the camera's axes. */
+/* What is known of the gyro, in the camera's axes. */
 static struct fv_gyro_known gyro_known(const struct fv_inertial_stage *stage)
 {
     const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
     const struct fv_se3 *T_cam_imu = &stage->estimator.config.T_cam_imu;
     struct fv_gyro_known known;
     struct fv_imu_clock_mount mount;
+    struct fv_inertial_stage_offset offset;
     double variance = 0, square[9];
     for (int i = FV_INERTIAL_GYRO_BIAS; i < FV_INERTIAL_TAIL; i++)
         if (e->covariance[i * (FV_INERTIAL_TAIL + 1)] > variance)
@@ -267,10 +270,12 @@ static struct fv_gyro_known gyro_known(const struct fv_inertial_stage *stage)
         for (int c = 0; c < 3; c++)
             square[3 * r + c] =
                 mount.error[r] * mount.error[c] + (r == c ? mount.sigma[r] * mount.sigma[r] : 0);
-    turned_axes(T_cam_imu->R, square, known.doubt.mount);
-    const double sigma_s = fv_imu_clock_sigma(&stage->clock->found),
-                 off_s = stage->clock->found.offset_s - (double)stage->clock->moved_ns * 1e-9;
-    known.doubt.clock_s = __builtin_sqrt(sigma_s * sigma_s + off_s * off_s);
+    in_camera_axes(T_cam_imu->R, square, known.doubt.mount);
+    (void)fv_inertial_stage_offset(stage, &offset);
+    const double off_s = offset.offset_s - offset.used_s;
+    known.doubt.clock_s = __builtin_sqrt(offset.sigma_s * offset.sigma_s + off_s * off_s);
+    known.doubt.scale = gyro_scale_sigma;
+    known.moved_ns = stage->clock->moved_ns;
     return known;
 }
 
@@ -283,14 +288,16 @@ static void measure_turn(const struct fv_inertial_stage *stage, const struct fv_
                  believed = stage->estimator.state->noise.gyro;
     double rate[3];
     hint->gyro = gyro_known(stage);
-    turned_axes(C, sum->turn, hint->turned.R);
+    hint->turned.time_s = sum->time_s;
+    in_camera_axes(C, sum->turn, hint->turned.R);
     hint->measured =
-        hint->gyro.bias_sigma < measures_bias && hint->gyro.doubt.clock_s < measures_clock_s &&
-        fv_turn_mount_share(&hint->turned, &hint->gyro.doubt) < measures_mount * measures_mount;
-    turned_axes(C, sum->turn_gyro, hint->turned.by_bias);
+        hint->gyro.bias_sigma < held_bias_sigma_max &&
+        hint->gyro.doubt.clock_s < held_clock_max_s &&
+        fv_turn_mount_fraction(&hint->turned, &hint->gyro.doubt) < held_mount_max * held_mount_max;
+    in_camera_axes(C, sum->turn_gyro, hint->turned.by_bias);
     fv_rotate3(C, sum->biases.gyro, hint->turned.bias);
     hint->turned.variance =
-        (stated + shaken_share * shaken_share * (believed - stated)) * sum->time_s;
+        (stated + shaken_fraction * shaken_fraction * (believed - stated)) * sum->time_s;
     fv_subtract3(stage->state->live.gyro, sum->biases.gyro, rate);
     fv_rotate3(C, rate, hint->rate);
 }

@@ -30,7 +30,7 @@ static void hold(void *context)
 {
     struct turning *t = context;
     fv_odometry_hold_turn(t->o, &t->last, &t->fit, true, &t->T);
-    fv_odometry_share_own(t->o);
+    fv_odometry_reduce_own(t->o);
     fv_odometry_follow_turn(t->o);
 }
 
@@ -45,6 +45,8 @@ static void of_frames(struct turning *t)
     fv_se3_identity(&t->last);
     t->T = t->last;
     t->o->state->turn.variance = 1e-6;
+    t->o->state->turn.rated = true;
+    t->o->state->state = FOVEA_TRACKING_OK;
     t->o->state->pose.posed = true;
     t->o->map.keyframes[t->o->state->newest].stamp_ns =
         t->o->map.keyframes[fv_map_current(&t->o->map)].stamp_ns;
@@ -80,7 +82,8 @@ static void of_window(struct turning *t)
 {
     struct fv_turns *turns = t->o->turns;
     struct fv_window_state *s = t->window->state;
-    const struct fv_gyro_known known = {{0, 0, 0}, 1, {{0}, 0}}; /* whatever poses show fits */
+    const struct fv_gyro_known known = {
+        {0, 0, 0}, 1, {{0}, 0, 0}, 0}; /* whatever poses show fits */
     const struct fv_turn turn = a_turn();
     t->in_window = t->o->config.window;
     MUST(fv_window_start(t->window, &t->o->map, t->o->state->newest));

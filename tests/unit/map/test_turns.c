@@ -12,7 +12,7 @@
 #include "geometry/se3.h"
 #include "map/turns.h"
 
-static const struct fv_gyro_known known = {{0, 0, 0}, 1e-4, {{0}, 0}};
+static const struct fv_gyro_known known = {{0, 0, 0}, 1e-4, {{0}, 0, 0}, 0};
 static const double none[3] = {0, 0, 0};
 
 static void follow(struct fv_turns *turns, double about_z)
@@ -64,13 +64,39 @@ static void test_a_frame_without_a_turn_breaks_the_chain(void **state)
     fv_turns_keyframe(&turns, 1);
     follow(&turns, 0.1);
     fv_turns_follow(&turns, NULL, NULL);
+    assert_true(turns.gyro.bias_sigma == 0); /* nothing is used until turns are measured again */
     follow(&turns, 0.1);
+    assert_true(turns.gyro.bias_sigma == known.bias_sigma);
     fv_turns_keyframe(&turns, 2);
     follow(&turns, 0.1);
     fv_turns_keyframe(&turns, 3);
     assert_false(fv_turns_between(&turns, 1, 2, &turn));
     assert_false(fv_turns_between(&turns, 1, 3, &turn));
     assert_true(fv_turns_between(&turns, 2, 3, &turn));
+}
+
+/* Samples of another clock, and a bias that is not zero. */
+static void test_turns_of_another_clock_are_forgotten(void **state)
+{
+    (void)state;
+    const struct fv_gyro_known moved = {{0.1, 0, 0}, 1e-4, {{0}, 0, 0}, 2000000};
+    struct fv_turns turns = {0};
+    struct fv_turn turn, next;
+    fv_turns_keyframe(&turns, 1);
+    follow(&turns, 0.1);
+    fv_turns_keyframe(&turns, 2);
+    assert_true(fv_turns_between(&turns, 1, 2, &turn));
+    fv_turn_begin(&next, moved.bias);
+    next.by_bias[0] = -0.05;
+    fv_turns_follow(&turns, &next, &moved);
+    assert_false(fv_turns_between(&turns, 1, 2, &turn));
+    fv_turns_keyframe(&turns, 3);
+    assert_false(fv_turns_between(&turns, 2, 3, &turn));
+    fv_turns_follow(&turns, &next, &moved);
+    fv_turns_keyframe(&turns, 4);
+    assert_true(fv_turns_between(&turns, 3, 4, &turn));
+    assert_true(turn.bias[0] == 0.1 &&
+                turn.R[0] == 1); /* by the bias that the samples were rid of */
 }
 
 static void test_the_oldest_are_forgotten(void **state)
@@ -92,6 +118,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_frames_between_keyframes_are_joined),
         cmocka_unit_test(test_a_frame_without_a_turn_breaks_the_chain),
+        cmocka_unit_test(test_turns_of_another_clock_are_forgotten),
         cmocka_unit_test(test_the_oldest_are_forgotten),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -50,7 +50,7 @@ static void carve(void *context, struct fv_arena *arena)
  * .3 s each. */
 static void measure_turns(struct fixture *f, const double bias[3], double bias_sigma)
 {
-    const struct fv_gyro_known known = {{0, 0, 0}, bias_sigma, {{0}, 0}};
+    const struct fv_gyro_known known = {{0, 0, 0}, bias_sigma, {{0}, 0, 0}, 0};
     memset(&f->turns, 0, sizeof f->turns);
     for (int v = 0; v < VIEWS; v++) {
         struct fv_turn turn;
@@ -58,6 +58,7 @@ static void measure_turns(struct fixture *f, const double bias[3], double bias_s
         for (int i = 0; i < 3; i++)
             turn.by_bias[4 * i] = -0.3;
         turn.variance = 1e-10;
+        turn.time_s = 0.3;
         if (v > 0) {
             double between[9], drifted[3], E[9];
             for (int r = 0; r < 3; r++)
@@ -316,6 +317,9 @@ static void a_wrong_turn_is_borne(void **state)
         turn->variance = 4e-8;
         (void)run(&f, VIEWS - 1, &units);
         if (i == 1) assert_int_equal(f.window.gyro->count, WINDOW - 1);
+        turn->time_s = 11; /* by then its bias has walked */
+        assert_true(fv_window_start(&f.window, &f.map, VIEWS - 1));
+        assert_int_equal(f.window.gyro->count, WINDOW - 1);
         errors[i] = turn_error(&f, 3);
         destroy(&f);
     }
@@ -323,6 +327,61 @@ static void a_wrong_turn_is_borne(void **state)
            errors[0], errors[1], errors[2]);
     assert_true(errors[1] < 1.5e-3);
     assert_true(errors[2] < 0.75 * wrong[2]);
+}
+
+/* The gradient of the turns' cost, by difference, where keyframes turn far from each other. */
+static void gradients_are_those_of_the_cost(void **state)
+{
+    (void)state;
+    const double bias[3] = {2e-3, -1e-3, 3e-3};
+    struct fixture f;
+    struct fv_random random;
+    build(&f, 57, 0.003, 0.05, 0.7, 0, 3);
+    fv_random_seed(&random, 5);
+    measure_turns(&f, bias, 1e-9); /* the bias stays */
+    assert_true(fv_window_start(&f.window, &f.map, VIEWS - 1));
+    struct fv_window_state *s = f.window.state;
+    struct fv_window_gyro *gyro = f.window.gyro;
+    assert_int_equal(gyro->count, WINDOW);
+    for (uint32_t i = 0; i < s->pose_count; i++) {
+        const double by[3] = {uniform(&random, -1, 1), uniform(&random, -1, 1),
+                              uniform(&random, -1, 1)};
+        fv_so3_exp(by, s->poses[i].T_cam_world.R);
+    }
+    for (uint64_t k = 0; k < gyro->count; k++) {
+        const double *Ra = s->poses[gyro->turns[k].a].T_cam_world.R,
+                     *Rb = s->poses[gyro->turns[k].b].T_cam_world.R;
+        double between[9], E[9], off[3];
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                between[3 * r + c] = fv_dot3(Ra + 3 * r, Rb + 3 * c);
+        for (int i = 0; i < 3; i++)
+            off[i] = uniform(&random, -1e-5, 1e-5);
+        fv_so3_exp(off, E);
+        fv_multiply33(between, E, gyro->turns[k].turn.R);
+        gyro->turns[k].weight = 1e8;
+    }
+    s->damping = 0;
+    for (uint32_t p = 0; p < s->pose_count; p++) {
+        if (s->poses[p].column < 0) continue;
+        for (int i = 3; i < 6; i++) {
+            const struct fv_se3 before = s->poses[p].T_cam_world;
+            double cost[2], step[6] = {0};
+            for (int side = 0; side < 2; side++) {
+                step[i] = side == 0 ? -1e-6 : 1e-6;
+                s->poses[p].T_cam_world = before;
+                fv_se3_move(&s->poses[p].T_cam_world, step);
+                cost[side] = fv_window_add_turns(&f.window);
+            }
+            s->poses[p].T_cam_world = before;
+            memset(s->gradient, 0, sizeof s->gradient);
+            (void)fv_window_add_turns(&f.window);
+            const double slope = (cost[1] - cost[0]) / 2e-6,
+                         stated = -2 * s->gradient[s->poses[p].column + i];
+            assert_true(fabs(slope - stated) < 1e-2 * (fabs(stated) + 100));
+        }
+    }
+    destroy(&f);
 }
 
 /* Without measured turns the result has the bits of a window that has no gyro. */
@@ -349,6 +408,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_gyro_holds_the_turns),
         cmocka_unit_test(a_wrong_turn_is_borne),
+        cmocka_unit_test(gradients_are_those_of_the_cost),
         cmocka_unit_test(no_turns_change_nothing),
         cmocka_unit_test(exact_pixels_give_the_truth),
         cmocka_unit_test(noise_and_outliers_are_borne),

@@ -33,8 +33,9 @@ static void build(struct fixture *f)
     fv_se3_identity(&f->last);
     fv_odometry_hold_turn(&f->odometry, &f->last, &f->fit, true, &f->last);
     assert_true(fabs(f->state.turn.variance - 2.5e-7) < 1e-12);
-    f->state.localise.hint.measured = f->state.localise.hint.turn = true;
-    fv_se3_identity(&f->state.localise.hint.T_now_last);
+    f->state.state = FOVEA_TRACKING_OK;
+    f->state.turn.rated = true;
+    f->state.localise.hint.measured = true;
     fv_turn_begin(&f->state.localise.hint.turned, f->state.localise.hint.gyro.bias);
     f->state.localise.hint.turned.variance = 1e-8;
 }
@@ -77,9 +78,8 @@ static void test_both_count_by_their_variances(void **state)
         {0, 0, 0}};
     assert_true(fabs(turned(&alone) + 1e-3) < 1e-9); /* of the camera in the world: the other way */
     assert_true(fabs(f.state.turn.variance - own * measured / (own + measured)) < 1e-8);
-    f.state.covariance.own_position = f.state.covariance.own_turn = 1;
-    fv_odometry_share_own(&f.odometry);
-    assert_true(fabs(f.state.covariance.own_turn - sqrt(measured / (own + measured))) < 1e-2);
+    f.state.covariance.own_position = 1;
+    fv_odometry_reduce_own(&f.odometry);
     /* a third of its variance is that of the way sideways, which hangs on the turn */
     assert_true(f.state.covariance.own_position > 0.7 && f.state.covariance.own_position < 0.75);
 }
@@ -98,6 +98,26 @@ static void test_what_may_be_wrong_weighs_less(void **state)
     assert_true(fabs(turned(&T) - 1e-3 * measured / (own + measured)) < 1e-6);
 }
 
+/* A clock that is off, while the rate changes; and a bias that an estimate has corrected since. */
+static void test_clock_and_bias_count(void **state)
+{
+    (void)state;
+    struct fixture f;
+    build(&f);
+    struct fv_motion_hint *hint = &f.state.localise.hint;
+    hint->gyro.doubt.clock_s = 1e-3;
+    hint->rate[1] = 0.5; /* half a milliradian */
+    const double own = 2.5e-7, measured = 2.5e-7 + 1e-8 + 2.5e-7;
+    struct fv_se3 T = frame(&f, 1e-3, true);
+    assert_true(fabs(turned(&T) - 1e-3 * measured / (own + measured)) < 2e-6);
+    build(&f);
+    for (int i = 0; i < 3; i++)
+        hint->turned.by_bias[4 * i] = -0.05;
+    hint->gyro.bias[1] = 0.02; /* a turn of R_last_now by -1 mrad, as the frame shows */
+    T = frame(&f, 1e-3, true);
+    assert_true(fabs(turned(&T) - 1e-3) < 1e-6);
+}
+
 static void assert_untouched(struct fixture *f, double rad, bool trusted)
 {
     const double step[6] = {0, 0, 0, 0, rad, 0};
@@ -107,9 +127,9 @@ static void assert_untouched(struct fixture *f, double rad, bool trusted)
     assert_memory_equal(&T, &alone, sizeof T);
     for (int i = 0; i < 3; i++)
         assert_true(f->state.turn.held[i] == 0);
-    f->state.covariance.own_position = f->state.covariance.own_turn = 1;
-    fv_odometry_share_own(&f->odometry);
-    assert_true(f->state.covariance.own_position == 1 && f->state.covariance.own_turn == 1);
+    f->state.covariance.own_position = 1;
+    fv_odometry_reduce_own(&f->odometry);
+    assert_true(f->state.covariance.own_position == 1);
 }
 
 static void test_frames_alone_count_otherwise(void **state)
@@ -127,6 +147,12 @@ static void test_frames_alone_count_otherwise(void **state)
     f.state.localise.hint.measured = false;
     assert_untouched(&f, 1e-3, true);
     build(&f);
+    f.state.turn.rated = false;
+    assert_untouched(&f, 1e-3, true);
+    build(&f);
+    f.state.state = FOVEA_TRACKING_LOST; /* found again: perhaps in another map */
+    assert_untouched(&f, 1e-3, true);
+    build(&f);
     memset(f.fit.information, 0, sizeof f.fit.information);
     assert_untouched(&f, 1e-3, true);
 }
@@ -136,6 +162,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_both_count_by_their_variances),
         cmocka_unit_test(test_what_may_be_wrong_weighs_less),
+        cmocka_unit_test(test_clock_and_bias_count),
         cmocka_unit_test(test_frames_alone_count_otherwise),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
