@@ -25,20 +25,12 @@ void fv_turn_correct(const struct fv_turn *turn, const double bias[3], double R[
     fv_multiply33(turn->R, E, R);
 }
 
-/* out = A^T B */
-static void multiply_back33(const double A[9], const double B[9], double out[9])
-{
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            out[3 * r + c] = A[r] * B[c] + A[3 + r] * B[3 + c] + A[6 + r] * B[6 + c];
-}
-
 void fv_turn_join(struct fv_turn *turn, const struct fv_turn *next)
 {
     double R_next[9], R[9], carried[9], before[3];
     fv_turn_correct(next, turn->bias, R_next);
     fv_multiply33(turn->R, R_next, R);
-    multiply_back33(R_next, turn->by_bias, carried);
+    fv_multiply_back33(R_next, turn->by_bias, carried);
     memcpy(turn->R, R, sizeof R);
     for (int i = 0; i < 9; i++)
         turn->by_bias[i] = carried[i] + next->by_bias[i];
@@ -54,7 +46,7 @@ void fv_turn_error(const struct fv_turn *turn, const double bias[3], const doubl
 {
     double R[9], E[9];
     fv_turn_correct(turn, bias, R);
-    multiply_back33(R, between, E);
+    fv_multiply_back33(R, between, E);
     fv_so3_log(E, error);
 }
 

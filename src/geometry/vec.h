@@ -71,6 +71,22 @@ static inline void fv_multiply33(const double A[9], const double B[9], double ou
             out[3 * r + c] = A[3 * r] * B[c] + A[3 * r + 1] * B[3 + c] + A[3 * r + 2] * B[6 + c];
 }
 
+/* out = A^T B */
+static inline void fv_multiply_back33(const double A[9], const double B[9], double out[9])
+{
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            out[3 * r + c] = A[r] * B[c] + A[3 + r] * B[3 + c] + A[6 + r] * B[6 + c];
+}
+
+/* out = A B^T */
+static inline void fv_multiply33_transposed(const double A[9], const double B[9], double out[9])
+{
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            out[3 * r + c] = fv_dot3(A + 3 * r, B + 3 * c);
+}
+
 static inline double fv_determinant33(const double M[9])
 {
     return M[0] * (M[4] * M[8] - M[5] * M[7]) - M[1] * (M[3] * M[8] - M[5] * M[6]) +

@@ -220,10 +220,7 @@ static void link_errors(const struct fv_inertial *inertial, const struct fv_iner
         for (int c = 0; c < 3; c++)
             back[3 * r + c] = e->Ri[3 * c + r];
     fv_multiply33(back, e->Rj, turn);
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            left[3 * r + c] = sum.turn[r] * turn[c] + sum.turn[3 + r] * turn[3 + c] +
-                              sum.turn[6 + r] * turn[6 + c];
+    fv_multiply_back33(sum.turn, turn, left);
     fv_so3_log(left, error);
     fv_rotate3(turn, e->lever, far);
     for (int k = 0; k < 3; k++) {

@@ -41,14 +41,6 @@ static void right_jacobian(const double w[3], double J[9])
         J[i] = (i % 4 == 0 ? 1 : 0) - a * W[i] + b * WW[i];
 }
 
-/* out = M^T A */
-static void multiply_back33(const double M[9], const double A[9], double out[9])
-{
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            out[3 * r + c] = M[r] * A[c] + M[3 + r] * A[3 + c] + M[6 + r] * A[6 + c];
-}
-
 /* What one step is: errors go as
  *   turn' = E^T turn - J gyro,  velocity' = velocity + C turn + D gyro - F acceleration,
  *   position' = position + velocity t + (C turn + D gyro - F acceleration) t / 2
@@ -109,7 +101,7 @@ static void step_derivatives(struct fv_preintegration *sum, const struct step *s
     const double t = s->time_s;
     double CT[9], ET[9];
     fv_multiply33(s->C, sum->turn_gyro, CT);
-    multiply_back33(s->E, sum->turn_gyro, ET);
+    fv_multiply_back33(s->E, sum->turn_gyro, ET);
     for (int i = 0; i < 9; i++) {
         const double by_gyro = CT[i] + s->D[i];
         sum->position_gyro[i] += t * (sum->velocity_gyro[i] + by_gyro / 2);

@@ -53,10 +53,7 @@ static bool pose_before(struct fv_window_state *s, const struct fv_map *map, uin
 /* R_a_b of two poses. */
 static void turn_between(const struct fv_window_state *s, uint64_t a, uint64_t b, double R[9])
 {
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            R[3 * r + c] =
-                fv_dot3(s->poses[a].T_cam_world.R + 3 * r, s->poses[b].T_cam_world.R + 3 * c);
+    fv_multiply33_transposed(s->poses[a].T_cam_world.R, s->poses[b].T_cam_world.R, R);
 }
 
 /* Unless poses and gyro contradict each other. */

@@ -159,11 +159,8 @@ static void take_evidence(struct fv_bias_state *s, const struct fv_bias_match *m
 static void note(struct fv_bias_state *s, double cost)
 {
     const bool better = cost < s->cost;
-    double back[9], moved[9], turn[3];
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            back[3 * r + c] = s->map.R[3 * c + r];
-    fv_multiply33(s->fit.R, back, moved);
+    double moved[9], turn[3];
+    fv_multiply33_transposed(s->fit.R, s->map.R, moved);
     fv_so3_log(moved, turn);
     for (int k = 0; k < 3; k++) {
         s->turn[k] = fade * s->turn[k] + (better ? turn[k] : 0);

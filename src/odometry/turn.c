@@ -46,13 +46,8 @@ static void innovation(const struct fv_turn *turn, const double bias[3], const s
 {
     double R_last_now[9], expected[9], E[9];
     fv_turn_correct(turn, bias, R_last_now);
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            expected[3 * r + c] = R_last_now[r] * last->R[c] + R_last_now[3 + r] * last->R[3 + c] +
-                                  R_last_now[6 + r] * last->R[6 + c];
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            E[3 * r + c] = fv_dot3(expected + 3 * r, T->R + 3 * c);
+    fv_multiply_back33(R_last_now, last->R, expected);
+    fv_multiply33_transposed(expected, T->R, E);
     fv_so3_log(E, out);
 }
 
@@ -69,7 +64,7 @@ void fv_odometry_hold_turn(struct fv_odometry *o, const struct fv_se3 *last,
     memset(s->held, 0, sizeof s->held);
     s->position_fraction = 1;
     s->variance = 0;
-    if (!trusted || !variances_of(fit->information, &own)) return;
+    if (o->turns == NULL || !trusted || !variances_of(fit->information, &own)) return;
     s->variance = own.turn;
     if (!(before > 0) || !turn_since(o, &turn)) return;
     const double variance = before + fv_turn_variance(&turn, &gyro->doubt) +

@@ -3,8 +3,8 @@
  *
  * A camera that moves sideways sees nearly what one that turns sees, so the errors of turn and
  * position are correlated, and landmarks carry them from frame to frame. A gyro tells turns from
- * ways: over a second it errs by a tenth of what the pictures do (EuRoC: .02 and .1 to .2 degrees).
- * So a frame's pose is the best one by both: the pose that its matches give, with their
+ * ways: over a second it errs by a tenth of what the pictures do (EuRoC: .015 and .12 to .17
+ * degrees). So a frame's pose is the best one by both: the pose that its matches give, with their
  * information, moved by the linear update of a Kalman filter towards the turn of the frame before,
  * turned on as measured. The variance of that turn comes of the frame before, of the samples'
  * noise, of the bias that is known, and of what a wrong mount, clock or scale could do

@@ -245,9 +245,17 @@ static void in_camera_axes(const double C[9], const double M[9], double out[9])
 {
     double CM[9];
     fv_multiply33(C, M, CM);
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            out[3 * r + c] = fv_dot3(CM + 3 * r, C + 3 * c);
+    fv_multiply33_transposed(CM, C, out);
+}
+
+/* Variance of the gyro's bias about its least known axis. */
+static double gyro_bias_variance(const struct fv_inertial_estimate *e)
+{
+    double most = 0;
+    for (int i = FV_INERTIAL_GYRO_BIAS; i < FV_INERTIAL_TAIL; i++)
+        if (e->covariance[i * (FV_INERTIAL_TAIL + 1)] > most)
+            most = e->covariance[i * (FV_INERTIAL_TAIL + 1)];
+    return most;
 }
 
 /* What is known of the gyro, in the camera's axes. */
@@ -258,13 +266,11 @@ static struct fv_gyro_known gyro_known(const struct fv_inertial_stage *stage)
     struct fv_gyro_known known;
     struct fv_imu_clock_mount mount;
     struct fv_inertial_stage_offset offset;
-    double variance = 0, square[9];
-    for (int i = FV_INERTIAL_GYRO_BIAS; i < FV_INERTIAL_TAIL; i++)
-        if (e->covariance[i * (FV_INERTIAL_TAIL + 1)] > variance)
-            variance = e->covariance[i * (FV_INERTIAL_TAIL + 1)];
+    double square[9];
     fv_rotate3(T_cam_imu->R, e->shared.gyro_bias, known.bias);
     known.bias_sigma =
-        e->known ? __builtin_sqrt(variance + gyro_bias_least * gyro_bias_least) : gyro_bias_most;
+        e->known ? __builtin_sqrt(gyro_bias_variance(e) + gyro_bias_least * gyro_bias_least)
+                 : gyro_bias_most;
     fv_imu_clock_mount(&stage->clock->mounted, &mount);
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
@@ -306,11 +312,7 @@ static void measure_turn(const struct fv_inertial_stage *stage, const struct fv_
 static bool turns_known(const struct fv_inertial_stage *stage)
 {
     const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
-    double most = 0; /* variance of a bias */
-    for (int i = FV_INERTIAL_GYRO_BIAS; i < FV_INERTIAL_TAIL; i++)
-        if (e->covariance[i * (FV_INERTIAL_TAIL + 1)] > most)
-            most = e->covariance[i * (FV_INERTIAL_TAIL + 1)];
-    return (e->known && most < gyro_bias_sigma_max * gyro_bias_sigma_max) ||
+    return (e->known && gyro_bias_variance(e) < gyro_bias_sigma_max * gyro_bias_sigma_max) ||
            stage->estimator.state->bias_sigma[0] < gyro_bias_sigma_max;
 }
 

@@ -2,13 +2,14 @@
  *
  * Ten times a second a frame's pose becomes a station of the inertial estimator
  * (inertial/estimator.h), with the sigma of what the frame errs by alone (fv_odometry_own_sigmas),
- * given relative to its reference keyframe, so that what optimisation makes of the map improves the
- * stations too. Poses are those of `world`, the continuous frame of struct fovea_pose. Units of
- * work keep the estimate up to date. It is *claimed*, which makes poses metric and upright, when it
- * says and shows that it is good: a sigma of the scale of at most 4 %, a misfit that noise
- * explains, seconds of motion, and estimates that agree with each other; before that it is not
- * used. Constant velocity, hovering, pure rotation and free fall show no scale. Once claimed in a
- * map, a scale stays known there, and grows less sure while nothing adds to it.
+ * with the attitude that its picture alone showed (odometry/turn.h), given relative to its
+ * reference keyframe, so that what optimisation makes of the map improves the stations too. Poses
+ * are those of `world`, the continuous frame of struct fovea_pose. Units of work keep the estimate
+ * up to date. It is *claimed*, which makes poses metric and upright, when it says and shows that it
+ * is good: a sigma of the scale of at most 4 %, a misfit that noise explains, seconds of motion,
+ * and estimates that agree with each other; before that it is not used. Constant velocity,
+ * hovering, pure rotation and free fall show no scale. Once claimed in a map, a scale stays known
+ * there, and grows less sure while nothing adds to it.
  *
  * From frame to frame the samples say how the camera moved (inertial/live.h): odometry searches
  * from there, the published velocity is this one, and while the pictures show nothing, the pose

@@ -54,10 +54,7 @@ static void turn_covariance(const struct fv_se3 *T_cam_imu, const double pose[21
     for (int i = 0; i < 9; i++)
         C[i] = pose[places[i]];
     fv_multiply33(C, T_cam_imu->R, CR);
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            out[3 * r + c] = T_cam_imu->R[r] * CR[c] + T_cam_imu->R[3 + r] * CR[3 + c] +
-                             T_cam_imu->R[6 + r] * CR[6 + c];
+    fv_multiply_back33(T_cam_imu->R, CR, out);
 }
 
 bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,

@@ -165,6 +165,18 @@ static void run(enum motion motion, double seconds, double noise, uint64_t seed)
     }
 }
 
+/* More stations, where the motion is at `t`, from an instant on. */
+static void add_stations(enum motion motion, double t, int64_t first_ns, int count)
+{
+    const struct fv_inertial_owner nobody = {.slot = 0};
+    struct fv_random random;
+    struct fv_inertial_pose pose;
+    fv_random_seed(&random, 9);
+    station_at(motion, t, 0.005, &random, &pose);
+    for (int k = 0; k < count; k++)
+        fv_inertial_add_station(&inertial, first_ns + k, &nobody, &pose);
+}
+
 static double gravity_error(void)
 {
     const double up[3] = {0, 0, -1};
@@ -238,21 +250,15 @@ static void test_what_left_the_window_is_not_forgotten(void **state)
 static void test_an_estimate_that_is_broken_off_is_made_anew(void **state)
 {
     (void)state;
-    const struct fv_inertial_owner nobody = {.slot = 0};
-    struct fv_random random;
-    struct fv_inertial_pose pose;
     begin(0);
     run(LIVELY, 24.5, 0.005, 3);
     assert_false(fv_inertial_wanted(&inertial));
-    fv_random_seed(&random, 9);
-    station_at(LIVELY, 25.6, 0.005, &random, &pose);
     fv_inertial_begin(&inertial);
     assert_true(fv_inertial_unit(&inertial));
     assert_int_equal(inertial.state->count, FV_INERTIAL_WINDOW);
-    for (int k = 0; k < FV_INERTIAL_ROOM; k++)
-        fv_inertial_add_station(&inertial, 24600000000 + k, &nobody, &pose);
+    add_stations(LIVELY, 25.6, 24600000000, FV_INERTIAL_ROOM);
     assert_true(fv_inertial_busy(&inertial));
-    fv_inertial_add_station(&inertial, 24700000000, &nobody, &pose);
+    add_stations(LIVELY, 25.6, 24700000000, 1);
     assert_true(inertial.state->prior.known);
     assert_false(fv_inertial_busy(&inertial));
     assert_true(fv_inertial_wanted(&inertial));
@@ -263,20 +269,14 @@ static void test_an_estimate_that_is_broken_off_is_made_anew(void **state)
 static void test_what_is_of_two_passes_is_not_handed_on(void **state)
 {
     (void)state;
-    const struct fv_inertial_owner nobody = {.slot = 0};
-    struct fv_random random;
-    struct fv_inertial_pose pose;
     begin(0);
     run(LIVELY, 24.5, 0.005, 3);
-    fv_random_seed(&random, 9);
-    station_at(LIVELY, 25.6, 0.005, &random, &pose);
     fv_inertial_begin(&inertial);
     do
         assert_true(fv_inertial_unit(&inertial));
     while (inertial.state->phase != FV_INERTIAL_ELIMINATE || inertial.state->next == 0);
     assert_true(inertial.state->next < FV_INERTIAL_ROOM);
-    for (int k = 0; k <= FV_INERTIAL_ROOM; k++)
-        fv_inertial_add_station(&inertial, 24600000000 + k, &nobody, &pose);
+    add_stations(LIVELY, 25.6, 24600000000, FV_INERTIAL_ROOM + 1);
     assert_false(fv_inertial_busy(&inertial) || inertial.state->prior.known);
 }
 
@@ -483,15 +483,11 @@ static void test_shaking_is_noise(void **state)
 static void test_missing_samples_cut_the_link(void **state)
 {
     (void)state;
-    const struct fv_inertial_owner nobody = {.slot = 0};
-    struct fv_random random;
-    struct fv_inertial_pose pose;
     begin(0);
     run(LIVELY, 8, 0.005, 2);
-    fv_random_seed(&random, 9);
-    station_at(LIVELY, 10, 0.005, &random, &pose);
-    for (int k = 0; k < FV_INERTIAL_STATIONS_PER_ESTIMATE; k++)
-        fv_inertial_add_station(&inertial, 9000000000 + k, &nobody, &pose);
+    add_stations(LIVELY, 10, 9000000000, FV_INERTIAL_STATIONS_PER_ESTIMATE);
+    struct fv_random random;
+    fv_random_seed(&random, 10);
     double gyro[3], acceleration[3];
     sample_at(LIVELY, 10.005, &random, gyro, acceleration);
     fv_inertial_take(&inertial, 9005000000, gyro, acceleration);
