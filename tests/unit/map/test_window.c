@@ -381,6 +381,20 @@ static void gradients_are_those_of_the_cost(void **state)
             assert_true(fabs(slope - stated) < 1e-2 * (fabs(stated) + 100));
         }
     }
+    /* and by the bias, of which something is known */
+    gyro->weight = 1e6;
+    for (int i = 0; i < 3; i++) {
+        double cost[2];
+        fv_copy3(bias, gyro->bias);
+        for (int side = 0; side < 2; side++) {
+            gyro->bias[i] = bias[i] + (side == 0 ? -1e-6 : 1e-6);
+            cost[side] = fv_window_add_turns(&f.window);
+        }
+        gyro->bias[i] = bias[i];
+        (void)fv_window_add_turns(&f.window);
+        const double slope = (cost[1] - cost[0]) / 2e-6, stated = -2 * gyro->gradient[i];
+        assert_true(fabs(stated) > 1000 && fabs(slope - stated) < 1e-2 * fabs(stated));
+    }
     destroy(&f);
 }
 

@@ -139,6 +139,9 @@ static void a_bias_counts(void **state)
     assert_true(fv_agreement_withholds(&s));
     s.bias.evidence = 1;
     assert_false(fv_agreement_withholds(&s));
+    s.bias.evidence = 100;
+    fv_agreement_forget(&s); /* another map */
+    assert_true(fv_bias_clear(&s.bias));
 }
 
 /* A suspect map is published with a confident pose after two checks, or after three that are clear.

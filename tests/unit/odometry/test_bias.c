@@ -1,6 +1,7 @@
 /* Bias of a map's motion: a motion that is off alike in pair after pair is found, and the fit
  * behind it comes to the truth; a right one, one whose errors are each pair's own, and one that is
  * off by less than matters are not. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -15,6 +16,7 @@
 #include "odometry/bias.h"
 
 enum { MATCHES = 160, WRONG = 24, PAIRS = 8 };
+enum quality { NOISY, EXACT };
 #define FOCAL_PX 700.0
 
 static struct fv_bias_match matches[MATCHES];
@@ -41,24 +43,26 @@ static void true_motion(struct fv_se3 *T)
     T->t[2] = -2;
 }
 
-static void unit_bearing(const double p[3], float x[3])
+static void unit_bearing(const double p[3], enum quality quality, float x[3])
 {
-    double q[3] = {p[0] / p[2] + noise(), p[1] / p[2] + noise(), 1};
+    double q[3] = {p[0] / p[2], p[1] / p[2], 1};
+    for (int k = 0; k < 2 && quality == NOISY; k++)
+        q[k] += noise();
     (void)fv_normalise3(q);
     for (int k = 0; k < 3; k++)
         x[k] = (float)q[k];
 }
 
 /* Points 6 to 60 m ahead, and some matches that are none. */
-static void make_pair(const struct fv_se3 *T)
+static void make_pair(const struct fv_se3 *T, enum quality quality)
 {
     for (int i = 0; i < MATCHES; i++) {
         const double z = draw(6, 60), p[3] = {draw(-0.8, 0.8) * z, draw(-0.25, 0.25) * z, z};
         double q[3];
         fv_se3_apply(T, p, q);
-        if (i < WRONG) q[0] += 0.2 * z, q[1] -= 0.1 * z;
-        unit_bearing(p, matches[i].x1);
-        unit_bearing(q, matches[i].x2);
+        if (i < WRONG && quality == NOISY) q[0] += 0.2 * z, q[1] -= 0.1 * z;
+        unit_bearing(p, quality, matches[i].x1);
+        unit_bearing(q, quality, matches[i].x2);
         matches[i].weight = 1;
     }
 }
@@ -85,7 +89,7 @@ static void run(const double turns[PAIRS], struct fv_bias_state *s)
         struct fv_se3 T, map;
         uint32_t units = 1;
         true_motion(&T);
-        make_pair(&T);
+        make_pair(&T, NOISY);
         map_motion(&T, turns[n], &map);
         assert_true(fv_bias_begin(s, &map));
         while (!fv_bias_unit(s, matches, MATCHES, FOCAL_PX))
@@ -97,6 +101,7 @@ static void run(const double turns[PAIRS], struct fv_bias_state *s)
         far += fv_norm3(off) > 0.01; /* rad */
     }
     assert_true(far <= 2);
+    assert_true(s->evidence >= 0);
     printf("evidence %.1f, turned way %.3f rad\n", s->evidence, fv_norm3(s->way) / s->pairs);
 }
 
@@ -151,6 +156,77 @@ static void a_small_error_matters_not(void **state)
     assert_false(fv_bias_clear(&s));
 }
 
+/* One pair of exact matches, from a map's motion on. */
+static void exact_pair(const struct fv_se3 *map, struct fv_bias_state *s)
+{
+    struct fv_se3 T;
+    true_motion(&T);
+    make_pair(&T, EXACT);
+    assert_true(fv_bias_begin(s, map));
+    while (!fv_bias_unit(s, matches, MATCHES, FOCAL_PX))
+        continue;
+}
+
+/* From a motion that is off in all that it has, about the way that it goes too. */
+static void a_fit_comes_to_the_truth(void **state)
+{
+    (void)state;
+    const double step[6] = {0.05, -0.04, 0, 0.004, -0.005, 0.02};
+    struct fv_bias_state s;
+    struct fv_se3 T, map, inverse, off;
+    double left[3], way[3];
+    fv_random_seed(&random_numbers, 6);
+    fv_bias_forget(&s);
+    true_motion(&T);
+    map = T;
+    fv_se3_move(&map, step);
+    exact_pair(&map, &s);
+    (void)fv_normalise3(T.t);
+    fv_se3_invert(&T, &inverse);
+    fv_se3_compose(&s.fit, &inverse, &off);
+    fv_so3_log(off.R, left);
+    fv_subtract3(s.fit.t, T.t, way);
+    printf("off by %.1e rad and %.1e rad of the way\n", fv_norm3(left), fv_norm3(way));
+    assert_true(fv_norm3(left) < 1e-5 && fv_norm3(way) < 1e-5);
+}
+
+/* Half of an error that lasts takes three quarters of a cost that is quadratic; what it took fades
+ * by .7 a pair. The correction is the mean of those before. */
+static void evidence_is_what_half_takes_of_the_cost(void **state)
+{
+    (void)state;
+    struct fv_bias_state s;
+    struct fv_se3 T, map;
+    double expected = 0;
+    fv_random_seed(&random_numbers, 7);
+    fv_bias_forget(&s);
+    true_motion(&T);
+    map_motion(&T, 0.001, &map);
+    for (int n = 0; n < 4; n++) {
+        exact_pair(&map, &s);
+        expected = 0.7 * expected + (n > 0 ? 0.75 * s.cost : 0);
+        assert_true(s.cost > 1);
+        assert_true(fabs(s.evidence - expected) <= 0.06 * expected);
+    }
+}
+
+/* The way back has the same epipolar lines, and all points behind the camera. */
+static void the_way_back_fits_nothing(void **state)
+{
+    (void)state;
+    struct fv_bias_state s;
+    struct fv_se3 T;
+    fv_random_seed(&random_numbers, 8);
+    fv_bias_forget(&s);
+    true_motion(&T);
+    exact_pair(&T, &s);
+    assert_true(s.cost < 1e-3);
+    for (int k = 0; k < 3; k++)
+        T.t[k] = -T.t[k];
+    exact_pair(&T, &s);
+    assert_true(s.cost > MATCHES);
+}
+
 static void nothing_is_fitted_without_a_way(void **state)
 {
     (void)state;
@@ -170,6 +246,9 @@ int main(void)
         cmocka_unit_test(a_right_motion_is_not),
         cmocka_unit_test(errors_of_single_pairs_are_not),
         cmocka_unit_test(a_small_error_matters_not),
+        cmocka_unit_test(a_fit_comes_to_the_truth),
+        cmocka_unit_test(evidence_is_what_half_takes_of_the_cost),
+        cmocka_unit_test(the_way_back_fits_nothing),
         cmocka_unit_test(nothing_is_fitted_without_a_way),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

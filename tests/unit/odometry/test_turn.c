@@ -17,6 +17,7 @@ enum { SIDE = 0, TURN = 4 }; /* x of the position and the turn about y: seen nea
 struct fixture {
     struct fv_odometry odometry;
     struct fv_odometry_state state;
+    struct fv_turns turns;
     struct fv_pose_fit fit;
     struct fv_se3 last;
 };
@@ -26,6 +27,7 @@ static void build(struct fixture *f)
 {
     memset(f, 0, sizeof *f);
     f->odometry.state = &f->state;
+    f->odometry.turns = &f->turns;
     for (int i = 0; i < 6; i++)
         f->fit.information[7 * i] = i < 3 ? 1e8 : 4e6;
     f->fit.information[7 * TURN] = 4e6 + 16e8;
@@ -110,6 +112,17 @@ static void test_clock_and_bias_count(void **state)
     const double own = 2.5e-7, measured = 2.5e-7 + 1e-8 + 2.5e-7;
     struct fv_se3 T = frame(&f, 1e-3, true);
     assert_true(fabs(turned(&T) - 1e-3 * measured / (own + measured)) < 2e-6);
+    /* a rate that stays about an axis of the world changes nothing, though the camera turns */
+    build(&f);
+    const double half[3] = {0, 0.5, 0}, step[6] = {0, 0, 0, 0, 1e-3, 0};
+    fv_so3_exp(half, hint->turned.R);
+    hint->gyro.doubt.clock_s = 1e-2;
+    f.state.turn.rate[0] = 1;
+    fv_rotate_back3(hint->turned.R, f.state.turn.rate, hint->rate);
+    fv_multiply_back33(hint->turned.R, f.last.R, T.R);
+    fv_se3_move(&T, step);
+    fv_odometry_hold_turn(&f.odometry, &f.last, &f.fit, true, &T);
+    assert_true(fabs(f.state.turn.held[1] + 1e-3 * own / (own + 2.5e-7 + 1e-8)) < 2e-6);
     build(&f);
     for (int i = 0; i < 3; i++)
         hint->turned.by_bias[4 * i] = -0.05;
@@ -145,6 +158,9 @@ static void test_frames_alone_count_otherwise(void **state)
     assert_untouched(&f, 1e-3, true); /* the frame before is not known */
     build(&f);
     f.state.localise.hint.measured = false;
+    assert_untouched(&f, 1e-3, true);
+    build(&f);
+    f.odometry.turns = NULL; /* there is no gyro */
     assert_untouched(&f, 1e-3, true);
     build(&f);
     f.state.turn.rated = false;
