@@ -40,8 +40,8 @@ static void of_frames(struct turning *t)
     for (int i = 0; i < 6; i++)
         t->fit.information[7 * i] = 1e6;
     hint->turn = hint->measured = true;
-    fv_so3_exp(little, hint->T_now_last.R);
     hint->turned = a_turn();
+    fv_so3_exp(little, hint->turned.R);
     fv_se3_identity(&t->last);
     t->T = t->last;
     t->o->state->turn.variance = 1e-6;
