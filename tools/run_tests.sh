@@ -56,7 +56,11 @@ for test in $alone; do "$0" --one "$build" "$test" "$@"; done
 
 sort -k 2 "$build/test-log/verdicts" | while read -r verdict test name _; do
     out=$build/test-log/$name.out
-    [ "$verdict" = passed ] || { echo "FAILED $test"; tail -n 40 "$out"; }
+    if [ "$verdict" = failed ]; then # what failed first is the cause, and may be far from the end
+        echo "FAILED $test"
+        grep -nE -A 1 '^\[  (ERROR|FAILED)' "$out" | head -n 20
+        tail -n 40 "$out"
+    fi
     grep -h 'SKIPPED' "$out"
 done
 echo "seconds of processor time: $(sort -k 4 -n -r "$build/test-log/verdicts" |

@@ -1,6 +1,7 @@
 #include "common/fake_libcamera.h"
 
 #include <dirent.h>
+#include <errno.h>
 #include <fcntl.h>
 #include <malloc.h>
 #include <poll.h>
@@ -10,6 +11,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/wait.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -66,6 +68,7 @@ struct fake_stage *fake_stage_open(void)
 
 void fake_stage_reset(struct fake_stage *stage)
 {
+    atomic_store(&stage->rate_hz, 100);
     atomic_store(&stage->away, false);
     atomic_store(&stage->deaf, false);
     atomic_store(&stage->fault, FAKE_NONE);
@@ -112,7 +115,8 @@ static long count_lines(const char *path, const char *with)
     return count;
 }
 
-static long count_children(void)
+/* Children of this process: how many. `signal`: what each is sent, 0 for nothing. */
+static long find_children(int signal)
 {
     long count = 0;
     char path[300];
@@ -122,16 +126,25 @@ static long count_children(void)
         char parent[32];
         snprintf(path, sizeof path, "/proc/%s/status", entry->d_name);
         snprintf(parent, sizeof parent, "PPid:\t%d\n", (int)getpid());
-        count += count_lines(path, parent);
+        if (count_lines(path, parent) == 0) continue;
+        count++;
+        if (signal != 0) kill((pid_t)atol(entry->d_name), signal);
     }
     if (folder != NULL) closedir(folder);
     return count;
 }
 
+void fake_libcamera_end_all(void)
+{
+    find_children(SIGKILL);
+    while (waitpid(-1, NULL, 0) > 0 || errno == EINTR) {
+    }
+}
+
 struct fake_holdings fake_holdings(void)
 {
     struct fake_holdings holdings = {.buffers = count_lines("/proc/self/maps", "fake-buffer"),
-                                     .processes = count_children()};
+                                     .processes = find_children(0)};
     const struct mallinfo2 heap = mallinfo2();
     holdings.heap_bytes = heap.uordblks + heap.hblkhd;
     DIR *folder = opendir("/proc/self/fd");
@@ -259,7 +272,7 @@ static void learn(struct fv_libcamera_event *event)
     event->agreed = (struct fv_libcamera_agreed){.width = FAKE_WIDTH,
                                                  .height = FAKE_HEIGHT,
                                                  .format = FOVEA_PIXEL_GREY8,
-                                                 .rate_hz = 100,
+                                                 .rate_hz = atomic_load(&me.stage->rate_hz),
                                                  .buffers = BUFFERS,
                                                  .id = "a camera"};
 }

@@ -28,8 +28,9 @@ enum fake_fault {
 
 struct fake_stage {
     char folder[64];
-    atomic_bool away; /* the camera is unplugged */
-    atomic_bool deaf; /* a process that has seen it away does not see it come */
+    _Atomic double rate_hz; /* that it says; frames come every 5 ms */
+    atomic_bool away;       /* the camera is unplugged */
+    atomic_bool deaf;       /* a process that has seen it away does not see it come */
     atomic_int fault, fault_at_set_up, fault_at_learn,
         fault_when_set;         /* enum fake_fault, done once */
     atomic_bool stubborn;       /* not once, but by each process */
@@ -47,6 +48,7 @@ struct fake_stage *fake_stage_open(void);
 void fake_stage_reset(struct fake_stage *stage);
 void fake_stage_hide(struct fake_stage *stage, bool hidden); /* the program cannot be found */
 void fake_stage_close(struct fake_stage *stage);
+void fake_libcamera_end_all(void); /* kills and reaps all children of this process */
 
 /* In the process. */
 bool fake_libcamera_is_me(const char *name); /* argv[0] */
