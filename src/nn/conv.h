@@ -5,6 +5,11 @@
 
 #include "nn/run.h"
 
+/* What the kernels are told of an operator. */
+struct fv_nn_gemm fv_nn_gemm_of(const struct fv_model *model, const struct fv_model_op *op);
+struct fv_nn_depthwise fv_nn_depthwise_of(const struct fv_model *model,
+                                          const struct fv_model_op *op);
+
 /* What gathering asks of a convolution, once for all its rows. */
 struct fv_nn_gathering {
     const struct fv_nn_call *call;

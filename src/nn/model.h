@@ -357,6 +357,7 @@ struct fv_model {
     const struct fv_model_tensor *tensors;
     const struct fv_model_op *ops;
     const int32_t *inputs, *outputs, *states;
+    uint32_t *real; /* nn/real.h; NULL: none */
 };
 
 /* Check `bytes` bytes at `data` (64-byte aligned) as a model file. Init-only.

@@ -6,6 +6,7 @@
 
 #include "base/arena.h"
 #include "nn/input.h"
+#include "nn/real.h"
 #include "nn/tensor.h"
 
 struct fovea_network {
@@ -19,7 +20,9 @@ struct fovea_network {
 
 static void carve(struct fovea_network *n, const struct fv_model *model, struct fv_arena *arena)
 {
+    n->model = *model;
     n->arena = fv_arena_take(arena, fv_nn_arena_bytes(model), 1);
+    fv_nn_real_carve(&n->model, arena);
     for (uint32_t i = 0; i < model->header->output_count; i++)
         n->outputs[i] = fv_arena_take(arena, fv_tensor_bytes(model, model->outputs[i]), 1);
 }
@@ -55,9 +58,9 @@ enum fovea_status fovea_network_init(void *memory, size_t bytes, const void *mod
     fv_arena_init(&arena, memory, bytes);
     struct fovea_network *n = fv_arena_take(&arena, 1, sizeof *n);
     if (n == NULL) return FOVEA_ERROR_MEMORY;
-    n->model = opened;
     fv_kernels_init(&n->kernels, cpu);
     carve(n, &opened, &arena);
+    fv_nn_real_fill(&n->model, &n->kernels);
     *network = n;
     return FOVEA_OK;
 }

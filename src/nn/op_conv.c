@@ -4,11 +4,12 @@
 
 #include "kernels/nn_requantize.h"
 #include "nn/conv.h"
+#include "nn/real.h"
 
-static struct fv_nn_gemm gemm_of(const struct fv_nn_call *call)
+struct fv_nn_gemm fv_nn_gemm_of(const struct fv_model *model, const struct fv_model_op *op)
 {
-    const struct fv_op_conv *c = &call->op->u.conv;
-    const uint8_t *base = call->model->base;
+    const struct fv_op_conv *c = &op->u.conv;
+    const uint8_t *base = model->base;
     return (struct fv_nn_gemm){
         .k = c->k,
         .k4 = c->k4,
@@ -22,6 +23,7 @@ static struct fv_nn_gemm gemm_of(const struct fv_nn_call *call)
         .act_min = c->act_min,
         .act_max = c->act_max,
         .row_sum_factor = c->row_sum_factor,
+        .real = fv_nn_real_of(model, op),
     };
 }
 
@@ -55,15 +57,15 @@ static struct fv_nn_gathering gathering_of(const struct fv_nn_call *call)
     return g;
 }
 
-/* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in
- * outside the image. Columns left of the image, inside, and right of it follow each other. */
+/* One kernel row of one output pixel at a side or with gaps: kw pixels of in_c bytes, zero_in
+ * outside the line. Columns left of the image, inside, and right of it follow each other. */
 static void gather_run(const struct fv_nn_gathering *g, const uint8_t *line, int32_t ix,
                        uint8_t *to)
 {
     const struct fv_op_image *im = &g->c->image;
     const struct fv_op_window *w = &g->c->window;
     int32_t kx = 0;
-    for (; kx < w->kw && (line == NULL || ix < 0); kx++, ix += w->dilation_x)
+    for (; kx < w->kw && ix < 0; kx++, ix += w->dilation_x)
         ;
     fill_run(to, g->c->zero_in, kx * im->in_c);
     to += kx * im->in_c;
@@ -89,10 +91,12 @@ static void gather_line(const struct fv_nn_gathering *g, const uint8_t *image, i
     const uint8_t *line =
         iy < 0 || iy >= im->in_h ? NULL : image + (ptrdiff_t)iy * im->in_w * im->in_stride;
     uint8_t *to = rows + (ptrdiff_t)ky * run;
-    for (const int32_t end = x + count; x < end;) {
+    for (int32_t i = 0; line == NULL && i < count; i++)
+        fill_run(to + i * pitch, g->c->zero_in, run);
+    for (const int32_t end = x + count; line != NULL && x < end;) {
         const int32_t ix = x * w->stride_x - w->pad_left;
         int32_t some = 1;
-        if (line != NULL && x >= g->begin && x < g->end) {
+        if (x >= g->begin && x < g->end) {
             some = (end < g->end ? end : g->end) - x;
             g->call->kernels->nn_gather_u8(line + (ptrdiff_t)ix * im->in_stride,
                                            (ptrdiff_t)w->stride_x * im->in_stride, to, pitch, run,
@@ -231,7 +235,7 @@ static void clear_scratch(const struct fv_nn_call *call)
 void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
-    const struct fv_nn_gemm gemm = gemm_of(call);
+    const struct fv_nn_gemm gemm = fv_nn_gemm_of(call->model, call->op);
     const int32_t first = begin * c->image.out_w, last = end * c->image.out_w;
     const ptrdiff_t pitch = (c->k4 * 4 + 15 + 63) / 64 * 64; /* room for copy_run */
     for (int32_t row = begin; c->parts > 1 && row < end; row++)
@@ -258,13 +262,14 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
     clear_scratch(call);
 }
 
-void fv_nn_op_depthwise(const struct fv_nn_call *call, int32_t begin, int32_t end)
+struct fv_nn_depthwise fv_nn_depthwise_of(const struct fv_model *model,
+                                          const struct fv_model_op *op)
 {
-    const struct fv_op_depthwise *o = &call->op->u.depthwise;
+    const struct fv_op_depthwise *o = &op->u.depthwise;
     const struct fv_op_image *im = &o->image;
     const struct fv_op_window *w = &o->window;
-    const uint8_t *base = call->model->base;
-    const struct fv_nn_depthwise d = {
+    const uint8_t *base = model->base;
+    return (struct fv_nn_depthwise){
         .in_h = im->in_h,
         .in_w = im->in_w,
         .channels = im->in_c,
@@ -290,7 +295,14 @@ void fv_nn_op_depthwise(const struct fv_nn_call *call, int32_t begin, int32_t en
         .zero_out = o->zero_out,
         .act_min = o->act_min,
         .act_max = o->act_max,
+        .real = fv_nn_real_of(model, op),
     };
+}
+
+void fv_nn_op_depthwise(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_nn_depthwise d = fv_nn_depthwise_of(call->model, call->op);
+    const struct fv_op_image *im = &call->op->u.depthwise.image;
     for (int32_t row = begin; row < end;) { /* image by image of the batch */
         const int32_t first = row % im->out_h, left = im->out_h - first,
                       rows = left < end - row ? left : end - row;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "base/elementary.h"
+#include "nn/real.h"
 #include "runtime/tensors.h"
 
 enum {
@@ -106,8 +107,14 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_camer
     if (!detection->enabled) return;
     const size_t pixels = (size_t)camera->width * (size_t)camera->height;
     detection->state = fv_arena_take(persistent, 1, sizeof *detection->state);
+    fv_nn_real_carve(&detection->model, frame);
     fv_detect_carve(&detection->memory, job, &detection->model, NULL, pixels * PIXEL_BYTES_MAX);
     detection->message_scratch = fv_arena_take(frame, scratch_bytes(detection), 1);
+}
+
+void fv_detection_init(const struct fv_detection *detection, const struct fv_kernels *kernels)
+{
+    if (detection->enabled) fv_nn_real_fill(&detection->model, kernels);
 }
 
 bool fv_detection_sends(const struct fv_detection *detection, enum fv_detection_message message)

@@ -53,6 +53,8 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
 /* With the settings of fv_detection_set. */
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,
                         struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
+/* Prepare the network for these kernels. Init-only. */
+void fv_detection_init(const struct fv_detection *detection, const struct fv_kernels *kernels);
 /* Take the limits of `settings` for inferences that begin from now on; their count is at most that
  * of the settings at carving. Real-time safe. */
 void fv_detection_set(struct fv_detection *detection, const struct fovea_detect_config *settings,

@@ -320,6 +320,8 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
     *built = measured;
     place(built, false);
     fv_kernels_init(&built->kernels, cpu);
+    fv_detection_init(&built->detection, &built->kernels);
+    fv_detection_init(&built->detection2, &built->kernels);
     for (uint32_t i = 0; i < config->rig.camera_count; i++) {
         const struct fv_plane *mask = &built->masks[i];
         if (mask->pixels == NULL) continue;

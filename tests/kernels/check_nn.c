@@ -1,4 +1,5 @@
 #include "kernels/check.h"
+#include "nn/real.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -109,6 +110,16 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
     return g;
 }
 
+/* Half of the time, for a product that is not changed any more. */
+static void draw_real(struct check *check, struct fv_nn_gemm *g)
+{
+    const size_t n16 = (size_t)(g->n + 15) / 16 * 16;
+    float *real = check_buffer(check, n16 * 3 * sizeof *real, 64, 0);
+    if (check_between(check, 0, 1) == 0) return;
+    fv_nn_real_gemm(g, real);
+    g->real = real;
+}
+
 /* Bytes of all sizes, the largest in most places, as of a clamped activation, or everywhere. */
 static void fill_inputs(struct check *check, uint8_t *to, ptrdiff_t count)
 {
@@ -147,6 +158,7 @@ static void check_all_sums(struct check *check, fv_k_nn_gemm_u8_fn *reference,
     g.multiplier = numbers[1];
     g.shift = numbers[2];
     check_draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
+    draw_real(check, &g);
     uint8_t *a = check_buffer(check, ROWS, 1, SLACK);
     for (int32_t i = 0; i < ROWS; i++)
         a[i] = (uint8_t)i;
@@ -167,7 +179,8 @@ void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
     const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150);
     const int32_t m =
         check_between(check, 0, 9) ? check_between(check, 1, 40) : check_between(check, 120, 270);
-    const struct fv_nn_gemm g = draw_gemm(check, k, n);
+    struct fv_nn_gemm g = draw_gemm(check, k, n);
+    draw_real(check, &g);
     const ptrdiff_t lda = k + check_between(check, 0, 9), ldo = n + check_between(check, 0, 9);
     uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
     fill_inputs(check, a, (m - 1) * lda + k);
@@ -187,6 +200,7 @@ void check_nn_apart_u8(struct check *check, fv_k_nn_apart_u8_fn *reference,
     const int32_t m = check_between(check, 1, check_between(check, 0, 9) ? 40 : ROWS);
     struct fv_nn_gemm g = draw_gemm(check, 4 * k4, n);
     g.row_sum_factor = 0;
+    draw_real(check, &g);
     uint8_t *a = check_buffer(check, SPAN, 1, 0);
     fill_inputs(check, a, SPAN);
     const ptrdiff_t ldo = n + check_between(check, 0, 9);
@@ -240,6 +254,7 @@ static struct bench_gemm *bench_gemm_inputs(struct check *check)
         b->g = draw_gemm(check, K, N);
         b->g.row_sum_factor = 0;
         b->g.table = NULL;
+        draw_real(check, &b->g);
         b->a = check_buffer(check, M * K, 64, SLACK);
         check_fill(check, b->a, M * K);
         check->kept = b;
@@ -276,6 +291,16 @@ void bench_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *variant)
     variant(&b->g, b->a, 256, (int32_t *)(void *)bench_scratch(), 256, 361);
 }
 
+/* As networks mostly have them: pixels and columns of the kernel are neighbours. */
+static void make_usual(struct check *check, struct fv_nn_depthwise *d)
+{
+    d->kh = check_between(check, 1, 4);
+    d->channels = 8 * check_between(check, 1, 12);
+    d->in_stride = d->out_stride = d->channels;
+    d->dilation_y = d->dilation_x = 1;
+    d->stride_y = d->stride_x = check_between(check, 1, 2);
+}
+
 static struct fv_nn_depthwise draw_depthwise(struct check *check)
 {
     const int32_t most =
@@ -294,6 +319,7 @@ static struct fv_nn_depthwise draw_depthwise(struct check *check)
     d.dilation_x = check_between(check, 1, 3);
     d.pad_top = check_between(check, 0, 3);
     d.pad_left = check_between(check, 0, 3);
+    if (check_between(check, 0, 2) == 0) make_usual(check, &d);
     d.out_w = (d.in_w + 4) / d.stride_x + 1;
     d.planes = check_between(check, 0, 2) == 0 ? 2 : 1;
     d.c16 = (d.channels + 15) / 16 * 16;
@@ -309,6 +335,11 @@ static struct fv_nn_depthwise draw_depthwise(struct check *check)
     d.shift = shift;
     d.zero_in = check_between(check, 0, 255);
     check_draw_range(check, &d.zero_out, &d.act_min, &d.act_max);
+    if (check_between(check, 0, 1)) {
+        float *real = check_buffer(check, (size_t)d.c16 * 3 * sizeof *real, 64, 0);
+        fv_nn_real_depthwise(&d, real);
+        d.real = real;
+    }
     return d;
 }
 

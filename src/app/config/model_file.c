@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nn/real.h"
 #include "support/input.h"
 #include "support/aligned.h"
 #include "support/text.h"
@@ -32,8 +33,16 @@ enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *fil
     return status;
 }
 
+void fv_model_file_prepare(struct fv_model_file *file, const struct fv_kernels *kernels)
+{
+    const size_t bytes = fv_nn_real_bytes(&file->model);
+    file->model.real = bytes == 0 ? NULL : fv_aligned_zeroed(bytes);
+    fv_nn_real_fill(&file->model, kernels);
+}
+
 void fv_model_file_free(struct fv_model_file *file)
 {
+    free(file->model.real);
     free(file->data);
     *file = (struct fv_model_file){.data = NULL};
 }

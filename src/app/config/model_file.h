@@ -4,6 +4,7 @@
 #define FOVEA_APP_CONFIG_MODEL_FILE_H
 
 #include "fovea/status.h"
+#include "kernels/kernels.h"
 #include "nn/model.h"
 
 struct fv_model_file {
@@ -16,6 +17,8 @@ struct fv_model_file {
  * wrong, and nothing is left in `file`. */
 enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file,
                                      struct fovea_error *error);
+/* Make its network faster with these kernels (nn/real.h), where there is memory for it. */
+void fv_model_file_prepare(struct fv_model_file *file, const struct fv_kernels *kernels);
 void fv_model_file_free(struct fv_model_file *file);
 
 #endif

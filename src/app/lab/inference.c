@@ -14,6 +14,7 @@ enum fovea_status fv_inference_open(struct fv_inference *inference, const char *
     if (status == FOVEA_OK) status = fv_model_file_read(path, &inference->file, error);
     if (status != FOVEA_OK) return status;
     fv_kernels_init(&inference->kernels, set);
+    fv_model_file_prepare(&inference->file, &inference->kernels);
     inference->arena = fv_aligned_zeroed(fv_nn_arena_bytes(&inference->file.model));
     inference->scratch = calloc(1, sizeof *inference->scratch);
     if (inference->arena == NULL || inference->scratch == NULL ||

@@ -142,6 +142,7 @@ static int info(const char *path)
         return fv_say_wrong("%s", error.text);
     }
     fv_kernels_init(&kernels, set);
+    fv_model_file_prepare(&file, &kernels);
     const struct fv_model *model = &file.model;
     const struct fv_model_header *h = model->header;
     const double macs = (double)h->macs_high * 4294967296.0 + (double)h->macs_low;

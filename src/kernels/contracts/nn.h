@@ -19,7 +19,14 @@ struct fv_nn_gemm {
     const uint8_t *table;                     /* 256 bytes applied to the result, or NULL */
     int32_t zero_out, act_min, act_max; /* added, then clamped to [act_min, act_max] in [0, 255] */
     int32_t row_sum_factor; /* times the sum of the row's k inputs, added to each accumulator */
+    const float *real;      /* by 16 channels, or NULL: see below; 64-byte aligned */
 };
+
+/* A second way to the same results, which a variant may take: for each 16 channels 16 factors, 16
+ * offsets of sums from zero on and 16 of those below, such that floor(sum factor + offset), with
+ * sum and product rounded down to float32, gives the same bytes as requantize (nn/real.h). Where
+ * the first factor is 0 these 16 channels have none. Where act_min >= zero_out the offset of sums
+ * from zero on serves all. */
 
 /* out[i ldo + c] = table[clamp(requantize(bias[c] + sum_k a[i lda + k] w[c][k] + factor sum_k a[i
  * lda + k]) + zero)] for i < m, c < n. Reads a row's bytes up to 4 k4 rounded up to 64; writes
@@ -50,6 +57,7 @@ struct fv_nn_depthwise {
     const int32_t *bias, *multiplier, *shift; /* c16 each */
     const uint8_t *table;
     int32_t zero_in, zero_out, act_min, act_max; /* outside the image the input is zero_in */
+    const float *real; /* as of struct fv_nn_gemm, but c16 factors, then c16 of both offsets */
 };
 
 /* Output rows [begin, end). `in` is the image's first pixel, `out` that of row `begin`. `scratch`:

@@ -19,7 +19,8 @@ struct line {
 struct sum_job {
     struct line line;
     struct scale16 a, b, out;
-    __m512i zero_a, zero_b, zero_out, low, high;
+    __m512i zero_a, zero_b;
+    struct clamp64 clamp;
 };
 
 /* 64 sums; `half_a`: the factor of a is exactly one half, as it is for the input of the larger
@@ -43,8 +44,7 @@ FV_INLINE __m512i sum64(const struct sum_job *j, __m512i a, __m512i b, const int
                                              term(bi, j->zero_b, &j->b, half_b));
         r[i] = requantize(sum, &j->out, 0);
     }
-    return _mm512_permutexvar_epi32(
-        order, pack_lanes(r[0], r[1], r[2], r[3], j->zero_out, j->low, j->high));
+    return _mm512_permutexvar_epi32(order, pack_lanes(r[0], r[1], r[2], r[3], &j->clamp));
 }
 
 /* Of m_in and m_out the factor of an input with `bits` bits of fraction, rounded; `inexact`: half a
@@ -169,7 +169,7 @@ FV_INLINE __m512i sums_of(const struct sum_job *j, __m512i a, __m512i b, const i
 {
     __m512i bytes;
     if (line && on_line(&j->line, a, b, &bytes))
-        return _mm512_min_epu8(_mm512_max_epu8(bytes, j->low), j->high);
+        return _mm512_min_epu8(_mm512_max_epu8(bytes, j->clamp.low), j->clamp.high);
     return sum64(j, a, b, half_a, half_b);
 }
 
@@ -211,9 +211,7 @@ void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, ptrdiff
     struct sum_job j = {
         .zero_a = _mm512_set1_epi32(p->zero_a),
         .zero_b = _mm512_set1_epi32(p->zero_b),
-        .zero_out = _mm512_set1_epi16((short)p->zero_out),
-        .low = _mm512_set1_epi8((char)p->act_min),
-        .high = _mm512_set1_epi8((char)p->act_max),
+        .clamp = clamp_of(p->zero_out, p->act_min, p->act_max),
     };
     load_scale_of(&j.a, _mm512_set1_epi32(p->m_a), _mm512_set1_epi32(p->s_a));
     load_scale_of(&j.b, _mm512_set1_epi32(p->m_b), _mm512_set1_epi32(p->s_b));

@@ -112,14 +112,41 @@ FV_INLINE __m512i requantize_down(__m512i acc, const struct down16 *s, const int
     return _mm512_srav_epi32(_mm512_mask_shuffle_epi32(odd, 0x5555, even, _MM_PERM_DDBB), s->right);
 }
 
-/* Lanes of 4 x 16 results to 64 bytes per 128-bit lane: [a b c d] of that lane, moved by `zero` and
- * clamped. */
-FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, __m512i zero, __m512i low,
-                             __m512i high)
+/* 16 channels that are rounded by real numbers (contracts/nn.h). */
+struct real16 {
+    __m512 factor, above, below;
+};
+
+FV_INLINE __m512i requantize_real(__m512i acc, const struct real16 *s, const int above_zero)
 {
-    const __m512i ab = _mm512_adds_epi16(_mm512_packs_epi32(a, b), zero);
-    const __m512i cd = _mm512_adds_epi16(_mm512_packs_epi32(c, d), zero);
-    return _mm512_min_epu8(_mm512_max_epu8(_mm512_packus_epi16(ab, cd), low), high);
+    enum { DOWN = _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC };
+    const __m512 x = _mm512_cvt_roundepi32_ps(acc, DOWN);
+    const __m512 offset =
+        above_zero ? s->above : _mm512_mask_mov_ps(s->above, _mm512_movepi32_mask(acc), s->below);
+    return _mm512_cvt_roundps_epi32(_mm512_fmadd_round_ps(x, s->factor, offset, DOWN), DOWN);
+}
+
+/* How results become bytes. */
+struct clamp64 {
+    __m512i zero, low, high;
+    int is_cut; /* to a range that is narrower than that of bytes */
+};
+
+static inline struct clamp64 clamp_of(int32_t zero, int32_t low, int32_t high)
+{
+    return (struct clamp64){_mm512_set1_epi16((short)zero), _mm512_set1_epi8((char)low),
+                            _mm512_set1_epi8((char)high), low > 0 || high < 255};
+}
+
+/* Lanes of 4 x 16 results to 64 bytes per 128-bit lane: [a b c d] of that lane, moved by the zero
+ * point and clamped. */
+FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, const struct clamp64 *to)
+{
+    const __m512i ab = _mm512_adds_epi16(_mm512_packs_epi32(a, b), to->zero);
+    const __m512i cd = _mm512_adds_epi16(_mm512_packs_epi32(c, d), to->zero);
+    __m512i bytes = _mm512_packus_epi16(ab, cd);
+    if (to->is_cut) bytes = _mm512_min_epu8(_mm512_max_epu8(bytes, to->low), to->high);
+    return bytes;
 }
 
 /* Table lookup of 64 bytes. With VBMI by bytes, else by words: a word holds the entries of two

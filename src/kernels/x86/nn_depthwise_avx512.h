@@ -22,8 +22,10 @@ struct lanes {
     __m512i weights[STEPS_MAX][4];
     __m512i bias[4];
     struct down16 scale[4];
+    struct real16 real[4];
+    int is_real; /* which of both rounds them */
     struct table64 table;
-    __m512i zero, low, high;
+    struct clamp64 clamp;
     __mmask64 mask;
 };
 
@@ -38,21 +40,24 @@ FV_INLINE void interleave(__m512i a, __m512i b, __m512i c, __m512i d, __m512i ou
 }
 
 /* 64 elements of a per-channel array from channel `first` on, cyclic when `period` is not 0; past
- * the end the last pad repeats. */
-static inline void spread(void *to, const void *from, size_t size, int32_t first, int32_t period,
-                          int32_t c16)
+ * the end others repeat: lanes past the channels are never stored. */
+FV_INLINE void spread(void *to, const void *from, const size_t size, int32_t first, int32_t period,
+                      int32_t c16)
 {
     uint8_t *out = to;
     const uint8_t *in = from;
     const int32_t end = period != 0 ? period : c16;
-    for (int32_t n = 0, at = first; n < 64;) {
+    if (first % 16 == 0 && end % 16 == 0) { /* in pieces of one size, without calls */
+        for (int32_t n = 0, at = first; n < 64; n += 16, at += 16) {
+            if (at == end) at = 0;
+            memcpy(out + (size_t)n * size, in + (size_t)at * size, 16 * size);
+        }
+        return;
+    }
+    for (int32_t n = 0, at = first; n < 64; at = 0) {
         const int32_t count = end - at < 64 - n ? end - at : 64 - n;
         memcpy(out + (size_t)n * size, in + (size_t)at * size, (size_t)count * size);
         n += count;
-        at = period != 0
-                 ? 0
-                 : c16 -
-                       (64 - n < c16 ? 64 - n : c16); /* lanes past the channels are never stored */
     }
 }
 
@@ -73,6 +78,38 @@ static inline void transpose_words(const int32_t *words, __m512i out[4])
     out[3] = _mm512_shuffle_i32x4(c, d, 0xDD);
 }
 
+/* Rounding by real numbers, where there is one for all 64 lanes. */
+static inline int load_real(struct real16 to[4], const struct fv_nn_depthwise *d, int32_t first,
+                            int32_t period)
+{
+    int32_t words[64];
+    __m512i part[3][4];
+    for (int i = 0; i < 3; i++) {
+        spread(words, d->real + (ptrdiff_t)i * d->c16, 4, first, period, d->c16);
+        transpose_words(words, part[i]);
+    }
+    __mmask16 all = 0xFFFF;
+    for (int q = 0; q < 4; q++) {
+        all &= _mm512_test_epi32_mask(part[0][q], part[0][q]);
+        to[q] = (struct real16){_mm512_castsi512_ps(part[0][q]), _mm512_castsi512_ps(part[1][q]),
+                                _mm512_castsi512_ps(part[2][q])};
+    }
+    return all == 0xFFFF;
+}
+
+static inline void load_exact(struct down16 to[4], const struct fv_nn_depthwise *d, int32_t first,
+                              int32_t period)
+{
+    int32_t words[64];
+    __m512i multiplier[4], shift[4];
+    spread(words, d->multiplier, 4, first, period, d->c16);
+    transpose_words(words, multiplier);
+    spread(words, d->shift, 4, first, period, d->c16);
+    transpose_words(words, shift);
+    for (int32_t q = 0; q < 4; q++)
+        load_down_of(&to[q], multiplier[q], shift[q]);
+}
+
 /* Prepare 64 lanes that stand for channels first, first + 1, ... (modulo `period` when it is not
  * 0). */
 static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first,
@@ -80,15 +117,10 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
 {
     const int32_t groups = (d->kh + 3) / 4;
     int32_t words[64];
-    __m512i multiplier[4], shift[4];
     spread(words, d->bias, 4, first, period, d->c16);
     transpose_words(words, l->bias);
-    spread(words, d->multiplier, 4, first, period, d->c16);
-    transpose_words(words, multiplier);
-    spread(words, d->shift, 4, first, period, d->c16);
-    transpose_words(words, shift);
-    for (int32_t q = 0; q < 4; q++)
-        load_down_of(&l->scale[q], multiplier[q], shift[q]);
+    l->is_real = d->real != NULL && load_real(l->real, d, first, period);
+    if (!l->is_real) load_exact(l->scale, d, first, period);
     for (int32_t step = 0; step < d->planes * groups * d->kw; step++) {
         const int32_t kx = step % d->kw, group = step / d->kw % groups,
                       plane = step / d->kw / groups;
@@ -102,18 +134,23 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
                    _mm512_loadu_si512(column[2]), _mm512_loadu_si512(column[3]), l->weights[step]);
     }
     load_table(&l->table, d->table);
-    l->zero = _mm512_set1_epi16((short)d->zero_out);
-    l->low = _mm512_set1_epi8((char)d->act_min);
-    l->high = _mm512_set1_epi8((char)d->act_max);
+    l->clamp = clamp_of(d->zero_out, d->act_min, d->act_max);
 }
 
 FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, const __m512i acc[4],
                       uint8_t *out, __mmask64 mask, const int above)
 {
-    __m512i bytes = pack_lanes(
-        requantize_down(acc[0], &l->scale[0], above), requantize_down(acc[1], &l->scale[1], above),
-        requantize_down(acc[2], &l->scale[2], above), requantize_down(acc[3], &l->scale[3], above),
-        l->zero, l->low, l->high);
+    __m512i r[4];
+    if (l->is_real) {
+#pragma GCC unroll 4
+        for (int q = 0; q < 4; q++)
+            r[q] = requantize_real(acc[q], &l->real[q], above);
+    } else {
+#pragma GCC unroll 4
+        for (int q = 0; q < 4; q++)
+            r[q] = requantize_down(acc[q], &l->scale[q], above);
+    }
+    __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &l->clamp);
     if (d->table != NULL) bytes = look_up(bytes, &l->table);
     _mm512_mask_storeu_epi8(out, mask, bytes);
 }
@@ -233,6 +270,7 @@ static inline int32_t common_divisor(int32_t a, int32_t b)
 
 static inline int flat_fits(const struct fv_nn_depthwise *d)
 {
+    if (d->stride_x > 1 && d->channels >= 48) return 0; /* sorting columns takes longer */
     const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
     const int32_t most = span > COLUMNS_MAX ? span : COLUMNS_MAX;
     const ptrdiff_t room = (ptrdiff_t)(all < most ? all : most) * 256 * ((d->kh + 3) / 4);
@@ -242,11 +280,73 @@ static inline int flat_fits(const struct fv_nn_depthwise *d)
            d->channels / common_divisor(d->channels, 64) <= PHASES_MAX;
 }
 
+/* `count` pixels of BYTES bytes, `step` bytes apart, side by side. */
+FV_INLINE void gather_pixels(uint8_t *to, const uint8_t *from, ptrdiff_t step, int32_t count,
+                             const int BYTES)
+{
+    for (int32_t i = 0; i < count; i++, to += BYTES, from += step) {
+        if (BYTES == 8)
+            _mm_storel_epi64((__m128i *)(void *)to,
+                             _mm_loadl_epi64((const __m128i *)(const void *)from));
+#pragma GCC unroll 6
+        for (int at = 0; at + 16 <= BYTES; at += 16)
+            _mm_storeu_si128((__m128i *)(void *)(to + at),
+                             _mm_loadu_si128((const __m128i *)(const void *)(from + at)));
+    }
+}
+
+static inline void copy_pixels(uint8_t *to, const uint8_t *from, ptrdiff_t step, int32_t count,
+                               int32_t bytes)
+{
+    switch (bytes) {
+    case 8:
+        gather_pixels(to, from, step, count, 8);
+        return;
+    case 16:
+        gather_pixels(to, from, step, count, 16);
+        return;
+    case 32:
+        gather_pixels(to, from, step, count, 32);
+        return;
+    case 48:
+        gather_pixels(to, from, step, count, 48);
+        return;
+    case 96:
+        gather_pixels(to, from, step, count, 96);
+        return;
+    default:
+        for (int32_t i = 0; i < count; i++, to += bytes, from += step)
+            memcpy(to, from, (size_t)bytes);
+    }
+}
+
+/* Columns phase, phase + stride_x, ... of a row side by side, zero_in outside the image. */
+static inline void copy_phase(const struct fv_nn_depthwise *d, const uint8_t *row, int32_t phase,
+                              uint8_t *to)
+{
+    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span,
+                  s = d->stride_x, c = d->channels;
+    const int32_t count = phase < all ? (all - phase + s - 1) / s : 0;
+    const int32_t before = (d->pad_left - phase + s - 1) / s, /* columns left of the image */
+        inside = (d->in_w + d->pad_left - phase + s - 1) / s;
+    const int32_t left = before < 0       ? 0
+                         : before < count ? before
+                                          : count,
+                  right = inside < left    ? left
+                          : inside < count ? inside
+                                           : count;
+    memset(to, d->zero_in, (size_t)left * (size_t)c);
+    if (right > left)
+        copy_pixels(to + (ptrdiff_t)left * c,
+                    row + (ptrdiff_t)(phase + left * s - d->pad_left) * d->in_stride,
+                    (ptrdiff_t)s * d->in_stride, right - left, c);
+    memset(to + (ptrdiff_t)right * c, d->zero_in, (size_t)(count - right) * (size_t)c);
+}
+
 static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to,
                              ptrdiff_t part)
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
-    const __mmask64 mask = ~UINT64_C(0) >> (64 - (d->channels < 64 ? d->channels : 64));
     if (row == NULL) {
         memset(to, d->zero_in, (size_t)(part * d->stride_x));
         return;
@@ -260,25 +360,14 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
                (size_t)((all - left - middle) * d->channels));
         return;
     }
-    for (int32_t phase = 0; phase < d->stride_x; phase++) {
-        uint8_t *at = to + phase * part;
-        for (int32_t i = phase; i < all; i += d->stride_x, at += d->channels) {
-            const int32_t x = i - d->pad_left;
-            if (x < 0 || x >= d->in_w)
-                memset(at, d->zero_in, (size_t)d->channels);
-            else if (d->channels <= 64)
-                _mm512_mask_storeu_epi8(
-                    at, mask, _mm512_maskz_loadu_epi8(mask, row + (ptrdiff_t)x * d->in_stride));
-            else
-                memcpy(at, row + (ptrdiff_t)x * d->in_stride, (size_t)d->channels);
-        }
-    }
+    for (int32_t phase = 0; phase < d->stride_x; phase++)
+        copy_phase(d, row, phase, to + phase * part);
 }
 
-/* Outputs j, j + step, ... of one row; rows lie `pitch` bytes apart. */
+/* Outputs j, j + step, ... of one row, by the copies of KH rows. */
 FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
-                            const uint8_t *rows, ptrdiff_t pitch, ptrdiff_t part, int32_t j,
-                            int32_t step, int32_t total, uint8_t *out, const int KH, const int KW,
+                            const uint8_t *const rows[4], ptrdiff_t part, int32_t j, int32_t step,
+                            int32_t total, uint8_t *out, const int KH, const int KW,
                             const int PLANES, const int above)
 {
     const __m512i none = _mm512_setzero_si512();
@@ -286,12 +375,13 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
         for (int kx = 0; kx < KW; kx++) {
             const int32_t column = kx * d->dilation_x;
-            const uint8_t *from = rows + column % d->stride_x * part +
-                                  (ptrdiff_t)(column / d->stride_x) * d->channels + j;
+            const ptrdiff_t at =
+                column % d->stride_x * part + (ptrdiff_t)(column / d->stride_x) * d->channels + j;
             __m512i v[4];
-            interleave(_mm512_loadu_si512(from), KH > 1 ? _mm512_loadu_si512(from + pitch) : none,
-                       KH > 2 ? _mm512_loadu_si512(from + 2 * pitch) : none,
-                       KH > 3 ? _mm512_loadu_si512(from + 3 * pitch) : none, v);
+            interleave(_mm512_loadu_si512(rows[0] + at),
+                       KH > 1 ? _mm512_loadu_si512(rows[1] + at) : none,
+                       KH > 2 ? _mm512_loadu_si512(rows[2] + at) : none,
+                       KH > 3 ? _mm512_loadu_si512(rows[3] + at) : none, v);
             for (int p = 0; p < PLANES; p++) {
 #pragma GCC unroll 4
                 for (int q = 0; q < 4; q++)
@@ -313,22 +403,128 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
     struct lanes lanes[PHASES_MAX];
     for (int32_t p = 0; p < phases; p++)
         load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
+    int32_t copied = INT32_MIN; /* the last row whose copy is there */
     for (int32_t y = begin; y < end; y++, out += total) {
-        for (int32_t ky = 0; ky < d->kh; ky++)
-            copy_flat(d, input_row(d, in, y, ky), scratch + ky * pitch, part);
+        const uint8_t *rows[4] = {NULL};
+        for (int32_t ky = 0; ky < d->kh; ky++) {
+            const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
+            /* Rows of a kernel without gaps take turns in kh places: each is copied once. */
+            const int32_t turn = d->dilation_y == 1 ? (iy % d->kh + d->kh) % d->kh : ky;
+            uint8_t *to = scratch + turn * pitch;
+            if (d->dilation_y != 1 || iy > copied) copy_flat(d, input_row(d, in, y, ky), to, part);
+            rows[ky] = to;
+        }
+        copied = y * d->stride_y - d->pad_top + d->kh - 1;
         for (int32_t p = 0; p < phases && p * 64 < total; p++) {
             const struct lanes *l = &lanes[p];
             const int32_t step = phases * 64;
             if (small && d->planes == 1 && above)
-                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 1);
+                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, 1, 1);
             else if (small && d->planes == 1)
-                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 0);
+                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, 1, 0);
             else if (small && above)
-                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, d->planes,
-                             1);
+                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, d->planes, 1);
             else
-                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, d->kh, d->kw,
-                             d->planes, 0);
+                flat_outputs(l, d, rows, part, p * 64, step, total, out, d->kh, d->kw, d->planes,
+                             0);
+        }
+    }
+}
+
+/* ---- streams: lanes of 16 channels, columns side by side --------------------------------------
+ */
+
+/* Where pixels are whole lanes of 16 bytes and neighbours, each column is interleaved once, into
+ * four streams of lanes; an output reads each of them kw times, a pixel apart. */
+static inline ptrdiff_t stream_pitch(const struct fv_nn_depthwise *d)
+{
+    return ((ptrdiff_t)(d->out_w + d->kw - 1) * d->channels + 64 + 127) / 64 * 64;
+}
+
+/* Bytes before a stream, so that the image begins at a cache line. */
+static inline ptrdiff_t stream_lead(const struct fv_nn_depthwise *d)
+{
+    return (64 - d->pad_left * d->channels % 64) % 64;
+}
+
+static inline int streams_fit(const struct fv_nn_depthwise *d)
+{
+    const int32_t all = d->out_w - 1 + d->kw;
+    const ptrdiff_t room = (ptrdiff_t)(all < COLUMNS_MAX ? all : COLUMNS_MAX) * 256;
+    return d->channels % 16 == 0 && d->stride_x == 1 && d->dilation_x == 1 && d->kh <= 4 &&
+           d->planes * d->kw <= STEPS_MAX && d->in_stride == d->channels &&
+           d->out_stride == d->channels && 4 * stream_pitch(d) <= room &&
+           d->channels / common_divisor(d->channels, 64) <= PHASES_MAX;
+}
+
+static inline void fill_streams(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
+                                uint8_t *streams, ptrdiff_t pitch)
+{
+    streams += stream_lead(d);
+    const __m512i border = _mm512_set1_epi8((char)d->zero_in);
+    const ptrdiff_t total = (ptrdiff_t)(d->out_w - 1 + d->kw) * d->channels,
+                    before = (ptrdiff_t)d->pad_left * d->channels,
+                    left = before < total ? before : total,
+                    after = left + (ptrdiff_t)d->in_w * d->channels,
+                    right = after < total ? after : total;
+    const uint8_t *row[4];
+    for (int32_t r = 0; r < 4; r++)
+        row[r] = input_row(d, in, y, r);
+    for (ptrdiff_t at = left; at < right; at += 64) {
+        __m512i v[4], lanes[4];
+        for (int r = 0; r < 4; r++)
+            v[r] = row[r] != NULL ? _mm512_loadu_si512(row[r] + at - left) : border;
+        interleave(v[0], v[1], v[2], v[3], lanes);
+        for (int q = 0; q < 4; q++)
+            _mm512_storeu_si512(streams + q * pitch + at, lanes[q]);
+    }
+    for (int q = 0; q < 4; q++) {
+        memset(streams + q * pitch, d->zero_in, (size_t)left);
+        memset(streams + q * pitch + right, d->zero_in, (size_t)(total - right));
+    }
+}
+
+FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
+                              const uint8_t *streams, ptrdiff_t pitch, int32_t j, int32_t step,
+                              int32_t total, uint8_t *out, const int KW, const int PLANES,
+                              const int above)
+{
+    streams += stream_lead(d);
+    for (; j < total; j += step) {
+        __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
+        for (int kx = 0; kx < KW; kx++) {
+            const uint8_t *from = streams + (ptrdiff_t)kx * d->channels + j;
+            for (int p = 0; p < PLANES; p++) {
+#pragma GCC unroll 4
+                for (int q = 0; q < 4; q++)
+                    acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_loadu_si512(from + q * pitch),
+                                                 l->weights[p * KW + kx][q]);
+            }
+        }
+        const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
+        finish(l, d, acc, out + j, mask, above);
+    }
+}
+
+static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
+                              int32_t begin, int32_t end, uint8_t *streams, int above)
+{
+    const int32_t phases = d->channels / common_divisor(d->channels, 64),
+                  total = d->out_w * d->channels, step = phases * 64;
+    const ptrdiff_t pitch = stream_pitch(d);
+    struct lanes lanes[PHASES_MAX];
+    for (int32_t p = 0; p < phases; p++)
+        load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
+    for (int32_t y = begin; y < end; y++, out += total) {
+        fill_streams(d, in, y, streams, pitch);
+        for (int32_t p = 0; p < phases && p * 64 < total; p++) {
+            const struct lanes *l = &lanes[p];
+            if (d->kw == 3 && d->planes == 1 && above)
+                stream_outputs(l, d, streams, pitch, p * 64, step, total, out, 3, 1, 1);
+            else if (d->kw == 3 && d->planes == 1)
+                stream_outputs(l, d, streams, pitch, p * 64, step, total, out, 3, 1, 0);
+            else
+                stream_outputs(l, d, streams, pitch, p * 64, step, total, out, d->kw, d->planes, 0);
         }
     }
 }
@@ -341,7 +537,9 @@ static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in,
         return;
     }
     const int above = d->act_min >= d->zero_out;
-    if (flat_fits(d))
+    if (streams_fit(d))
+        by_streams(d, in, out, begin, end, scratch, above);
+    else if (flat_fits(d))
         by_flat_rows(d, in, out, begin, end, scratch, above);
     else if (d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX)
         by_blocks(d, in, out, begin, end, scratch, above);

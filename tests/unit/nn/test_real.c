@@ -1,0 +1,191 @@
+/* Rounding by real numbers: where a channel has it, it gives the bytes of the exact way for every
+ * sum that the channel can have, and channels as networks have them do have it. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <math.h>
+#include <string.h>
+
+#include "base/elementary.h"
+#include "kernels/nn_requantize.h"
+#include "nn/real.h"
+
+static struct fv_random draws;
+
+static int32_t between(int32_t low, int32_t high)
+{
+    return low + (int32_t)fv_random_below(&draws, (uint32_t)((int64_t)high - low + 1));
+}
+
+/* As the kernels do, rounding down twice: the double between is exact but for the last of its 53
+ * bits. */
+static int32_t by_real(const struct fv_nn_real_channel *c, const float found[3], int64_t sum)
+{
+    float x = (float)sum;
+    if ((double)x > (double)sum) x = nextafterf(x, -INFINITY);
+    const float offset = !c->above && sum < 0 ? found[2] : found[1];
+    const double y = floor((double)x * (double)found[0] + (double)offset);
+    return (int32_t)y;
+}
+
+static int32_t clamped(const struct fv_nn_real_channel *c, int32_t result)
+{
+    return fv_nn_clamp(result, c->first - 1, c->last);
+}
+
+static struct fv_nn_real_channel draw_channel(int32_t shift, int32_t reach)
+{
+    const int32_t zero = between(0, 2) == 0 ? 0 : between(0, 255);
+    const int32_t low = between(0, 1) ? zero : 0, high = between(0, 1) ? 255 : between(low, 255);
+    return (struct fv_nn_real_channel){
+        .multiplier = (int32_t)(0x40000000u + fv_random_u32(&draws) % 0x40000000u),
+        .shift = shift,
+        .first = low + 1 - zero,
+        .last = high - zero,
+        .above = low >= zero,
+        .least = -between(0, reach),
+        .most = between(0, reach)};
+}
+
+/* Every sum of many channels. */
+static void test_gives_the_same_bytes(void **state)
+{
+    (void)state;
+    int proven = 0;
+    for (int i = 0; i < 300; i++) {
+        const struct fv_nn_real_channel c = draw_channel(between(-12, -1), 40000);
+        float found[3];
+        if (!fv_nn_real_find(&c, found)) continue;
+        proven++;
+        for (int64_t sum = c.least; sum <= c.most; sum++) {
+            const int32_t expected =
+                clamped(&c, fv_nn_requantize((int32_t)sum, c.multiplier, c.shift));
+            if (clamped(&c, by_real(&c, found, sum)) != expected)
+                fail_msg("channel %d: sum %lld", i, (long long)sum);
+        }
+    }
+    print_message("%d of 300 channels\n", proven);
+    assert_true(proven >= 270);
+}
+
+/* Large sums, beyond what float32 holds: those near the rises, and the ends. */
+static void test_gives_the_same_bytes_of_large_sums(void **state)
+{
+    (void)state;
+    int proven = 0;
+    for (int i = 0; i < 2000; i++) {
+        const struct fv_nn_real_channel c = draw_channel(between(-31, -9), 2000000000);
+        float found[3];
+        if (!fv_nn_real_find(&c, found)) continue;
+        proven++;
+        for (int j = 0; j < 2000; j++) {
+            const int64_t span = INT64_C(1) << (31 - c.shift), to = between(c.first - 1, c.last);
+            const int64_t near = (2 * to - 1) * span / 2 / c.multiplier,
+                          drawn = j % 2 != 0 ? between((int32_t)c.least, (int32_t)c.most)
+                                             : near + between(-3, 3);
+            const int64_t sum = drawn < c.least ? c.least : drawn > c.most ? c.most : drawn;
+            const int32_t expected =
+                clamped(&c, fv_nn_requantize((int32_t)sum, c.multiplier, c.shift));
+            if (clamped(&c, by_real(&c, found, sum)) != expected)
+                fail_msg("channel %d: sum %lld", i, (long long)sum);
+        }
+    }
+    assert_true(proven >= 200);
+}
+
+/* A channel whose sums all come to one result, and one of zeros. */
+static void test_takes_channels_without_rises(void **state)
+{
+    (void)state;
+    const struct fv_nn_real_channel dead = {.multiplier = 0x50000000,
+                                            .shift = -31,
+                                            .first = -127,
+                                            .last = 127,
+                                            .least = -50000000,
+                                            .most = 60000000},
+                                    zero = {.first = 1,
+                                            .last = 255,
+                                            .above = true,
+                                            .least = -9,
+                                            .most = 9};
+    float found[3];
+    assert_true(fv_nn_real_find(&dead, found));
+    for (int64_t sum = dead.least; sum <= dead.most; sum += 100003)
+        assert_int_equal(by_real(&dead, found, sum), 0);
+    assert_true(fv_nn_real_find(&zero, found));
+    assert_int_equal(by_real(&zero, found, 9), 0);
+    assert_true(found[0] != 0.0F); /* which would say that there is none */
+}
+
+static void test_refuses_what_it_does_not_know(void **state)
+{
+    (void)state;
+    const struct fv_nn_real_channel good = {.multiplier = 0x50000000,
+                                            .shift = -7,
+                                            .first = 1,
+                                            .last = 255,
+                                            .above = true,
+                                            .least = -900,
+                                            .most = 900};
+    float found[3];
+    assert_true(fv_nn_real_find(&good, found));
+    struct fv_nn_real_channel bad = good;
+    bad.shift = 0;
+    assert_false(fv_nn_real_find(&bad, found));
+    bad = good;
+    bad.multiplier = 0x3fffffff;
+    assert_false(fv_nn_real_find(&bad, found));
+    bad = good;
+    bad.most = INT64_C(1) << 31;
+    assert_false(fv_nn_real_find(&bad, found));
+    bad = good;
+    bad.least = -(INT64_C(1) << 31) - 1;
+    assert_false(fv_nn_real_find(&bad, found));
+}
+
+/* What a layer's weights let its sums reach is asked of them: a layer whose sums are small is
+ * rounded so where any other would not be. */
+static void test_layers_reach(void **state)
+{
+    (void)state;
+    static _Alignas(64) int8_t weights[64];
+    static _Alignas(64) int32_t bias[16], multiplier[16], shift[16];
+    static _Alignas(64) float real[48];
+    struct fv_nn_gemm g = {.k = 1,
+                           .k4 = 1,
+                           .n = 16,
+                           .weights = weights,
+                           .bias = bias,
+                           .multiplier = multiplier,
+                           .shift = shift,
+                           .zero_out = 128,
+                           .act_max = 255};
+    for (int i = 0; i < 16; i++) {
+        weights[4 * i] = 1;
+        multiplier[i] = 0x5a5a5a5b;
+        shift[i] = -20;
+    }
+    fv_nn_real_gemm(&g, real);
+    assert_true(real[0] != 0.0F); /* 0 to 255: one result */
+    bias[3] = 800000000;          /* that channel has rises that float32 does not tell apart */
+    weights[4 * 3] = 127;
+    g.row_sum_factor = 0;
+    fv_nn_real_gemm(&g, real);
+    assert_true(real[0] != 0.0F);
+    multiplier[3] = 0x3fffffff;
+    fv_nn_real_gemm(&g, real);
+    assert_true(real[0] == 0.0F); /* one without it leaves all without it */
+}
+
+int main(void)
+{
+    fv_random_seed(&draws, 1);
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_gives_the_same_bytes),
+                                       cmocka_unit_test(test_gives_the_same_bytes_of_large_sums),
+                                       cmocka_unit_test(test_takes_channels_without_rises),
+                                       cmocka_unit_test(test_refuses_what_it_does_not_know),
+                                       cmocka_unit_test(test_layers_reach)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
