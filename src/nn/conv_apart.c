@@ -51,30 +51,30 @@ static void inside_of(int32_t in, int32_t out, int32_t span, int32_t stride, int
     if (*begin < 0) *begin = 0;
 }
 
-/* Four weights of a channel, from k on, of which `used` count. */
-static uint32_t four_weights(const struct fv_nn_gemm *gemm, int32_t k, int32_t channel,
-                             int32_t used)
+/* Weights of 16 channels, from k on, four of each, of which `used` count: those of a group, or the
+ * last ones of it and the first of the next. */
+static void four_weights(const struct fv_nn_gemm *gemm, int32_t block, int32_t k, int32_t used,
+                         uint32_t to[16])
 {
-    uint8_t four[4] = {0};
-    for (int32_t i = 0; i < 4 && i < used; i++) {
-        const ptrdiff_t group = (ptrdiff_t)(channel / 16) * gemm->k4 + (k + i) / 4;
-        four[i] = (uint8_t)gemm->weights[group * 64 + channel % 16 * 4 + (k + i) % 4];
-    }
-    uint32_t word;
-    memcpy(&word, four, 4);
-    return word;
+    uint32_t low[16], high[16] = {0};
+    const int8_t *from = gemm->weights + ((ptrdiff_t)block * gemm->k4 + k / 4) * 64;
+    const int32_t bits = k % 4 * 8;
+    const uint32_t mask = used < 4 ? (UINT32_C(1) << used * 8) - 1 : UINT32_MAX;
+    memcpy(low, from, sizeof low);
+    if (bits > 0 && k / 4 + 1 < gemm->k4) memcpy(high, from + 64, sizeof high);
+    for (int32_t c = 0; c < 16; c++)
+        to[c] = (uint32_t)(((uint64_t)high[c] << 32 | low[c]) >> bits) & mask;
 }
 
-/* The weights with each run of `run` k padded to groups of four. */
+/* The weights of each run from a new group on, as its inputs begin there. */
 static void pad_weights(const struct fv_nn_gemm *gemm, int32_t run, uint8_t *to)
 {
-    for (int32_t block = 0; block < gemm->n; block += 16) {
+    for (int32_t block = 0; block * 16 < gemm->n; block++) {
         for (int32_t k = 0; k < gemm->k; k += run) {
-            for (int32_t i = 0; i < run; i += 4) {
-                for (int32_t c = 0; c < 16; c++, to += 4) {
-                    const uint32_t word = four_weights(gemm, k + i, block + c, run - i);
-                    memcpy(to, &word, 4);
-                }
+            for (int32_t i = 0; i < run; i += 4, to += 64) {
+                uint32_t words[16];
+                four_weights(gemm, block, k + i, run - i, words);
+                memcpy(to, words, sizeof words);
             }
         }
     }
@@ -166,10 +166,13 @@ static void add_inside(struct apart *a, const uint8_t *corner, int32_t x, int32_
     struct batch *b = &a->inside;
     for (int32_t some; count > 0; count -= some, x += some) {
         some = room_of(b, count);
-        for (int32_t i = 0; i < some; i++, b->count++) {
-            b->in[b->count] = corner + (x + i) * step;
-            b->out[b->count] = out + (ptrdiff_t)(x + i) * im->out_stride;
+        const uint8_t **in = b->in + b->count, *from = corner + x * step;
+        uint8_t **to = b->out + b->count, *at = out + (ptrdiff_t)x * im->out_stride;
+        for (int32_t i = 0; i < some; i++) {
+            in[i] = from + i * step;
+            to[i] = at + (ptrdiff_t)i * im->out_stride;
         }
+        b->count += some;
     }
 }
 
