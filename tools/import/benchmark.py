@@ -56,13 +56,14 @@ def measure(path, kernel_set):
     for detail, value in zip(peer.get_input_details(), values):
         peer.set_tensor(detail["index"], value)
     ours, theirs = [], []
+    run = engine.caller()
     for _ in range(max(15, min(300, int(4e9 / max(macs, 1e6) / 10)))):
         for number, value in enumerate(values):  # a run may write over its inputs
             engine.set_input(number, value)
         a = time.thread_time_ns()
         peer.invoke()
         b = time.thread_time_ns()
-        engine.run()
+        run()
         theirs.append(b - a)
         ours.append(time.thread_time_ns() - b)
     return data, kind, macs, float(np.median(ours)) * 1e-6, float(np.median(theirs)) * 1e-6
