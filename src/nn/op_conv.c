@@ -312,4 +312,5 @@ void fv_nn_op_depthwise(const struct fv_nn_call *call, int32_t begin, int32_t en
         call->kernels->nn_depthwise_u8(&d, image, out, first, first + rows, call->scratch);
         row += rows;
     }
+    clear_scratch(call);
 }
