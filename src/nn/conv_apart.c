@@ -52,7 +52,7 @@ static void inside_of(int32_t in, int32_t out, int32_t span, int32_t stride, int
 }
 
 /* Weights of 16 channels, from k on, four of each, of which `used` count: those of a group, or the
- * last ones of it and the first of the next. */
+ * last ones of it and the first of the next. Words are little-endian, as the file's numbers are. */
 static void four_weights(const struct fv_nn_gemm *gemm, int32_t block, int32_t k, int32_t used,
                          uint32_t to[16])
 {

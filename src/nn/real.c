@@ -7,9 +7,10 @@
 #include "nn/conv.h"
 
 enum {
-    BLOCK = 48,       /* floats of 16 channels */
-    FACTORS = 7,      /* that are tried */
-    RESULTS_MAX = 256 /* of one byte */
+    BLOCK = 48,        /* floats of 16 channels */
+    FACTORS = 7,       /* that are tried */
+    RESULTS_MAX = 256, /* of one byte */
+    BLOCKS_MAX = 16384 /* of a model: a quarter of a million channels, a second */
 };
 
 /* ---- one channel ----------------------------------------------------------------------------- */
@@ -194,8 +195,8 @@ void fv_nn_real_gemm(const struct fv_nn_gemm *g, float *real)
         struct reach reach[16] = {{0, 0}};
         for (int32_t k = 0; k < g->k4 * 4; k += 4) {
             for (int32_t c = 0; c < 16; c++) {
-                for (int32_t i = 0; i < 4; i++, w++)
-                    if (k + i < g->k) add_weight(&reach[c], *w + g->row_sum_factor);
+                for (int32_t i = 0; i < 4; i++, w++) /* the factor counts for no padding */
+                    add_weight(&reach[c], *w + (k + i < g->k ? g->row_sum_factor : 0));
             }
         }
         fill_block(&layer, first, reach, real + (ptrdiff_t)first * 3, 16);
@@ -248,20 +249,23 @@ static size_t begin_of_blocks(const struct fv_model *model)
     return ((size_t)model->header->op_count + 15) / 16 * 16;
 }
 
-/* Where the operator's blocks begin; `end` goes past them. Of a file whose operators share their
- * numbers so that they are more than the file only the first ones have blocks. */
+/* Where the operator's blocks begin; `end` goes past them. Of a file whose operators share weights,
+ * so that they are far more than the file, or that has far more channels than any network, only the
+ * first ones have blocks: else a file could make the set-up take minutes. `all_weights`:
+ * their bytes so far.
+ */
 static size_t next_blocks(const struct fv_model *model, const struct fv_model_op *op, size_t *end,
-                          uint64_t *work)
+                          uint64_t *all_weights)
 {
     int64_t weights = 0;
     const int32_t channels = channels_of(op, &weights);
-    const uint64_t floats = ((uint64_t)channels + 15) / 16 * BLOCK;
-    if (channels == 0 ||
-        *work + (uint64_t)weights + 4 * floats > 2 * (uint64_t)model->header->file_bytes)
+    const size_t floats = ((size_t)channels + 15) / 16 * BLOCK;
+    if (channels == 0 || *end + floats > begin_of_blocks(model) + BLOCKS_MAX * BLOCK ||
+        *all_weights + (uint64_t)weights > 4 * (uint64_t)model->header->file_bytes)
         return 0;
     const size_t begin = *end;
-    *work += (uint64_t)weights + 4 * floats;
-    *end += (size_t)floats;
+    *all_weights += (uint64_t)weights;
+    *end += floats;
     return begin;
 }
 
@@ -269,9 +273,9 @@ size_t fv_nn_real_bytes(const struct fv_model *model)
 {
     const size_t begin = begin_of_blocks(model);
     size_t end = begin;
-    uint64_t work = 0;
+    uint64_t weights = 0;
     for (uint32_t i = 0; i < model->header->op_count; i++)
-        next_blocks(model, &model->ops[i], &end, &work);
+        next_blocks(model, &model->ops[i], &end, &weights);
     return end == begin ? 0 : end * sizeof(float);
 }
 
@@ -284,11 +288,11 @@ void fv_nn_real_carve(struct fv_model *model, struct fv_arena *arena)
 void fv_nn_real_fill(const struct fv_model *model, const struct fv_kernels *kernels)
 {
     size_t end = begin_of_blocks(model);
-    uint64_t work = 0;
+    uint64_t weights = 0;
     if ((kernels->isas & FV_ISA_AVX512VNNI) == 0 || model->real == NULL) return;
     for (uint32_t i = 0; i < model->header->op_count; i++) {
         const struct fv_model_op *op = &model->ops[i];
-        const size_t begin = next_blocks(model, op, &end, &work);
+        const size_t begin = next_blocks(model, op, &end, &weights);
         float *real = (float *)(void *)model->real + begin;
         if (begin == 0) continue;
         if (op->kind == FV_OP_DEPTHWISE) {

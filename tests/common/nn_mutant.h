@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "detect/decode.h"
+#include "nn/real.h"
 #include "nn/run.h"
 
 enum { NN_MUTANT_ARENA_MAX = 1 << 22, NN_MUTANT_UNITS_MAX = 60 };
@@ -81,6 +82,12 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
                           lower[2] = {FV_CPU_C, best >= FV_CPU_NEON ? FV_CPU_NEON : FV_CPU_AVX2};
     const uint32_t choice = model.header->checksum % 4;
     fv_kernels_init(&kernels, choice < 2 ? best : lower[choice - 2]);
+    const size_t table = fv_nn_real_bytes(&model);
+    if (table > 0) {
+        if (posix_memalign(&raw, 64, table) != 0) abort();
+        model.real = memset(raw, 0, table);
+        fv_nn_real_fill(&model, &kernels);
+    }
     for (int i = 0; i < NN_MUTANT_UNITS_MAX; i++) {
         if (progress.op < (int32_t)model.header->op_count &&
             model.ops[progress.op].row_cost > 1 << 26)
@@ -106,6 +113,7 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
                                        .scale_y = 1};
     }
     nn_mutant_decode(&model, &fit, arena);
+    free(model.real);
     free(arena);
     return 1;
 }

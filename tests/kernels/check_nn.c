@@ -1,4 +1,5 @@
 #include "kernels/check.h"
+#include "kernels/check_nn_sums.h"
 #include "nn/real.h"
 
 #include <stdio.h>
@@ -169,19 +170,31 @@ static void check_all_sums(struct check *check, fv_k_nn_gemm_u8_fn *reference,
     check_equal(check, "all sums", expected, found, ROWS * CHANNELS);
 }
 
+/* Few channels as often as many. */
+static int32_t draw_channels(struct check *check)
+{
+    const int32_t kind = check_between(check, 0, 5);
+    return kind == 0   ? 16 * check_between(check, 1, 3)
+           : kind == 1 ? check_between(check, 1, 8)
+           : kind == 2 ? 8
+                       : check_between(check, 1, 150);
+}
+
 void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
                       fv_k_nn_gemm_u8_fn *variant)
 {
     if (check_between(check, 0, 7) == 0) {
         check_all_sums(check, reference, variant);
+        check_hard_sums(check, reference, variant);
         return;
     }
-    const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150);
+    const int32_t k = check_between(check, 1, 150), n = draw_channels(check);
     const int32_t m =
         check_between(check, 0, 9) ? check_between(check, 1, 40) : check_between(check, 120, 270);
     struct fv_nn_gemm g = draw_gemm(check, k, n);
     draw_real(check, &g);
-    const ptrdiff_t lda = k + check_between(check, 0, 9), ldo = n + check_between(check, 0, 9);
+    const ptrdiff_t lda = k + check_between(check, 0, 9),
+                    ldo = n + check_between(check, 0, 1) * check_between(check, 0, 9);
     uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
     fill_inputs(check, a, (m - 1) * lda + k);
     const size_t bytes = (size_t)((m - 1) * ldo + n);
@@ -196,14 +209,14 @@ void check_nn_apart_u8(struct check *check, fv_k_nn_apart_u8_fn *reference,
                        fv_k_nn_apart_u8_fn *variant)
 {
     enum { SPAN = 3000, MOST = 100, ROWS = 160, GROUPS = 60 };
-    const int32_t k4 = check_between(check, 1, GROUPS), n = check_between(check, 1, 150);
+    const int32_t k4 = check_between(check, 1, GROUPS), n = draw_channels(check);
     const int32_t m = check_between(check, 1, check_between(check, 0, 9) ? 40 : ROWS);
     struct fv_nn_gemm g = draw_gemm(check, 4 * k4, n);
     g.row_sum_factor = 0;
     draw_real(check, &g);
     uint8_t *a = check_buffer(check, SPAN, 1, 0);
     fill_inputs(check, a, SPAN);
-    const ptrdiff_t ldo = n + check_between(check, 0, 9);
+    const ptrdiff_t ldo = n + check_between(check, 0, 1) * check_between(check, 0, 9);
     const size_t bytes = (size_t)((m - 1) * ldo + n);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
     const uint8_t *in[ROWS];
@@ -295,13 +308,18 @@ void bench_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *variant)
 static void make_usual(struct check *check, struct fv_nn_depthwise *d)
 {
     d->kh = check_between(check, 1, 4);
-    d->channels = 8 * check_between(check, 1, 12);
-    d->in_stride = d->out_stride = d->channels;
-    d->dilation_y = d->dilation_x = 1;
-    d->stride_y = d->stride_x = check_between(check, 1, 2);
+    d->channels = check_between(check, 0, 1) ? 16 * check_between(check, 1, 3)
+                                             : 8 * check_between(check, 1, 12);
+    d->in_w = check_between(check, 1, check_between(check, 0, 1) ? 100 : 20);
+    d->out_stride = d->channels;
+    d->in_stride = d->channels + 16 * check_between(check, 0, 1);
+    d->kw = check_between(check, 0, 3) ? 3 : d->kw;
+    d->dilation_y = check_between(check, 0, 3) == 0 ? 2 : 1;
+    d->dilation_x = check_between(check, 0, 3) == 0 ? 2 : 1;
+    d->stride_y = d->stride_x = check_between(check, 0, 3) == 0 ? 2 : 1;
 }
 
-static struct fv_nn_depthwise draw_depthwise(struct check *check)
+static struct fv_nn_depthwise draw_depthwise(struct check *check, bool usual)
 {
     const int32_t most =
         check_between(check, 0, 5) == 0 ? 12 : 5; /* beyond what some keep at hand */
@@ -319,8 +337,9 @@ static struct fv_nn_depthwise draw_depthwise(struct check *check)
     d.dilation_x = check_between(check, 1, 3);
     d.pad_top = check_between(check, 0, 3);
     d.pad_left = check_between(check, 0, 3);
-    if (check_between(check, 0, 2) == 0) make_usual(check, &d);
-    d.out_w = (d.in_w + 4) / d.stride_x + 1;
+    if (usual) make_usual(check, &d);
+    d.out_w = (d.in_w + 4) / d.stride_x + 1; /* to beyond the right border, or not up to it */
+    if (check_between(check, 0, 3) == 0) d.out_w = check_between(check, 1, d.out_w);
     d.planes = check_between(check, 0, 2) == 0 ? 2 : 1;
     d.c16 = (d.channels + 15) / 16 * 16;
     int8_t *weights = check_buffer(check, (size_t)(d.planes * d.kh * d.kw * d.c16), 64, SLACK);
@@ -351,10 +370,10 @@ static uint8_t *depthwise_scratch(struct check *check, const struct fv_nn_depthw
                         64, 0);
 }
 
-void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *reference,
-                           fv_k_nn_depthwise_u8_fn *variant)
+static void check_depthwise(struct check *check, bool usual, fv_k_nn_depthwise_u8_fn *reference,
+                            fv_k_nn_depthwise_u8_fn *variant)
 {
-    struct fv_nn_depthwise d = draw_depthwise(check);
+    struct fv_nn_depthwise d = draw_depthwise(check, usual);
     if (check_between(check, 0, 3) == 0) {
         uint8_t *table = check_buffer(check, 256, 1, 0);
         check_fill(check, table, 256);
@@ -373,13 +392,20 @@ void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *referen
     check_equal(check, "rows", expected, found, bytes);
 }
 
+void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *reference,
+                           fv_k_nn_depthwise_u8_fn *variant)
+{
+    check_depthwise(check, false, reference, variant);
+    check_depthwise(check, true, reference, variant);
+}
+
 void bench_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *variant)
 {
     enum { SIDE = 38, CHANNELS = 256 };
     struct fv_nn_depthwise *d = check->kept;
     if (d == NULL) {
         d = check_buffer(check, sizeof *d, 8, 0);
-        *d = draw_depthwise(check);
+        *d = draw_depthwise(check, false);
         d->kh = d->kw = 3;
         d->stride_x = d->stride_y = d->dilation_x = d->dilation_y = d->pad_left = d->pad_top =
             d->planes = 1;

@@ -145,6 +145,16 @@ static void test_refuses_what_it_does_not_know(void **state)
     assert_false(fv_nn_real_find(&bad, found));
 }
 
+/* A sum where results rise, which float32 does not tell from the one before. */
+static int32_t rise_float32_lacks(int32_t multiplier, int32_t shift)
+{
+    for (int32_t sum = 1 << 27, before = fv_nn_requantize(sum, multiplier, shift);; sum++) {
+        const int32_t result = fv_nn_requantize(sum, multiplier, shift);
+        if (result != before && sum % 16 != 0) return sum;
+        before = result;
+    }
+}
+
 /* What a layer's weights let its sums reach is asked of them: a layer whose sums are small is
  * rounded so where any other would not be. */
 static void test_layers_reach(void **state)
@@ -169,14 +179,43 @@ static void test_layers_reach(void **state)
     }
     fv_nn_real_gemm(&g, real);
     assert_true(real[0] != 0.0F); /* 0 to 255: one result */
-    bias[3] = 800000000;          /* that channel has rises that float32 does not tell apart */
-    weights[4 * 3] = 127;
-    g.row_sum_factor = 0;
-    fv_nn_real_gemm(&g, real);
-    assert_true(real[0] != 0.0F);
-    multiplier[3] = 0x3fffffff;
+    bias[3] = rise_float32_lacks(multiplier[3], shift[3]) - 100;
     fv_nn_real_gemm(&g, real);
     assert_true(real[0] == 0.0F); /* one without it leaves all without it */
+    weights[4 * 3] = 0;           /* which now comes to no rise */
+    fv_nn_real_gemm(&g, real);
+    assert_true(real[0] != 0.0F);
+    weights[4 * 3 + 1] = 1; /* what is multiplied counts, padding or not */
+    fv_nn_real_gemm(&g, real);
+    assert_true(real[0] == 0.0F);
+}
+
+static void give(struct fv_model_op *op, int32_t channels, int32_t k4)
+{
+    op->kind = FV_OP_CONV;
+    op->u.conv.image.out_c = channels;
+    op->u.conv.k4 = k4;
+}
+
+/* A file whose operators share their numbers could ask for hours of work: it gets no table for what
+ * is beyond any network. */
+static void test_work_is_bounded(void **state)
+{
+    (void)state;
+    static struct fv_model_op ops[3];
+    struct fv_model_header header = {.file_bytes = 1 << 20, .op_count = 3};
+    const struct fv_model model = {.header = &header, .ops = ops};
+    const size_t begin = 64, block = 192; /* bytes */
+    assert_int_equal(fv_nn_real_bytes(&model), 0);
+    give(&ops[0], 16, 4);
+    give(&ops[1], 16 * 10000, 1);
+    assert_int_equal(fv_nn_real_bytes(&model), begin + block + 10000 * block);
+    give(&ops[2], 16 * 10000, 1);
+    assert_int_equal(fv_nn_real_bytes(&model), begin + block + 10000 * block);
+    give(&ops[1], 16, 1 << 17); /* 8 MiB of weights, of 1 */
+    assert_int_equal(fv_nn_real_bytes(&model), begin + block + 10000 * block);
+    give(&ops[2], 16, 1);
+    assert_int_equal(fv_nn_real_bytes(&model), begin + 2 * block);
 }
 
 int main(void)
@@ -186,6 +225,7 @@ int main(void)
                                        cmocka_unit_test(test_gives_the_same_bytes_of_large_sums),
                                        cmocka_unit_test(test_takes_channels_without_rises),
                                        cmocka_unit_test(test_refuses_what_it_does_not_know),
-                                       cmocka_unit_test(test_layers_reach)};
+                                       cmocka_unit_test(test_layers_reach),
+                                       cmocka_unit_test(test_work_is_bounded)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
