@@ -16,7 +16,7 @@ static struct fv_random draws;
 
 static int32_t between(int32_t low, int32_t high)
 {
-    return low + (int32_t)fv_random_below(&draws, (uint32_t)((int64_t)high - low + 1));
+    return (int32_t)(low + (int64_t)fv_random_below(&draws, (uint32_t)((int64_t)high - low + 1)));
 }
 
 /* As the kernels do, rounding down twice: the double between is exact but for the last of its 53
