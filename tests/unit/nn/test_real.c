@@ -81,8 +81,9 @@ static void test_gives_the_same_bytes_of_large_sums(void **state)
         if (!fv_nn_real_find(&c, found)) continue;
         proven++;
         for (int j = 0; j < 2000; j++) {
-            const int64_t span = INT64_C(1) << (31 - c.shift), to = between(c.first - 1, c.last);
-            const int64_t near = (2 * to - 1) * span / 2 / c.multiplier,
+            const double span = (double)(INT64_C(1) << (31 - c.shift)),
+                         half = (double)between(c.first - 1, c.last) - 0.5;
+            const int64_t near = (int64_t)(half * span / c.multiplier),
                           drawn = j % 2 != 0 ? between((int32_t)c.least, (int32_t)c.most)
                                              : near + between(-3, 3);
             const int64_t sum = drawn < c.least ? c.least : drawn > c.most ? c.most : drawn;
