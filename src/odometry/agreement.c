@@ -43,7 +43,7 @@ static bool contradicts(const struct fv_agreement_state *s)
 {
     return s->checks >= CHECKS_MIN &&
            (s->near < near_least * s->about || s->about < fit_least * s->all ||
-            s->doubts >= DOUBTS_MAX || fv_bias_found(&s->bias));
+            s->doubts >= DOUBTS_MAX || fv_motion_bias_found(&s->motion_bias));
 }
 
 static bool misfits(const struct fv_agreement_state *s)
@@ -53,7 +53,7 @@ static bool misfits(const struct fv_agreement_state *s)
 
 static bool in_doubt(const struct fv_agreement_state *s)
 {
-    return misfits(s) || fv_bias_found(&s->bias) ||
+    return misfits(s) || fv_motion_bias_found(&s->motion_bias) ||
            (s->near < near_known_min * s->about && s->known < known_min * s->all);
 }
 
@@ -67,12 +67,13 @@ enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *
 
 void fv_agreement_confirm(struct fv_agreement_state *s)
 {
-    if (s->checks >= CONFIRM_CHECKS && !in_doubt(s) && fv_bias_clear(&s->bias)) s->suspect = false;
+    if (s->checks >= CONFIRM_CHECKS && !in_doubt(s) && fv_motion_bias_clear(&s->motion_bias))
+        s->suspect = false;
 }
 
 bool fv_agreement_withholds(struct fv_agreement_state *s)
 {
-    if (s->checks >= SURE_CHECKS && !in_doubt(s) && fv_bias_clear(&s->bias) &&
+    if (s->checks >= SURE_CHECKS && !in_doubt(s) && fv_motion_bias_clear(&s->motion_bias) &&
         s->near >= sure_min * s->about)
         s->suspect = false;
     return s->suspect;
@@ -90,7 +91,7 @@ void fv_agreement_forget(struct fv_agreement_state *s)
     s->checks = s->doubts = 0;
     s->bad_from = 0;
     s->matches = 0;
-    fv_bias_forget(&s->bias);
+    fv_motion_bias_forget(&s->motion_bias);
 }
 
 void fv_agreement_begin(struct fv_agreement_state *s)
@@ -150,7 +151,7 @@ static void judge(struct fv_odometry *o, const struct fv_map_frame *a, const str
                      x2[3] = {(double)q.bearing[0], (double)q.bearing[1], (double)q.bearing[2]};
         const double error2 =
             ray_error2(&T_b_a, x1, x2) * o->focal_px * o->focal_px * (double)q.weight;
-        struct fv_bias_match *m = &o->agreement.matches[matches++];
+        struct fv_motion_bias_match *m = &o->agreement.matches[matches++];
         memcpy(m->x1, p.bearing, sizeof m->x1);
         memcpy(m->x2, q.bearing, sizeof m->x2);
         m->weight = q.weight;
@@ -167,9 +168,9 @@ static void judge(struct fv_odometry *o, const struct fv_map_frame *a, const str
     if (s->fresh && (in_doubt(s) || s->near < clear_min * s->about)) s->suspect = true;
     s->fresh = false;
     s->doubts = misfits(s) ? s->doubts + 1 : 0;
-    if (fv_agreement_verdict(s) == FV_AGREEMENT_GOOD && fv_bias_clear(&s->bias))
+    if (fv_agreement_verdict(s) == FV_AGREEMENT_GOOD && fv_motion_bias_clear(&s->motion_bias))
         s->bad_from = b->keyframe->number + 1;
-    if (fv_bias_begin(&s->bias, &T_b_a)) s->matches = matches;
+    if (fv_motion_bias_begin(&s->motion_bias, &T_b_a)) s->matches = matches;
 }
 
 /* ---- the job --------------------------------------------------------------------------------- */
@@ -232,7 +233,8 @@ static void match_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 static void fit_unit(struct fv_odometry *o)
 {
     struct fv_agreement_state *s = &o->state->agreement;
-    if (!fv_bias_unit(&s->bias, o->agreement.matches, s->matches, o->focal_px)) return;
+    if (!fv_motion_bias_unit(&s->motion_bias, o->agreement.matches, s->matches, o->focal_px))
+        return;
     s->matches = 0;
     s->busy = false;
 }

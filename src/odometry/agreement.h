@@ -16,8 +16,8 @@
  *          epipolar lines, which are the same for both, say nothing. Few known and near not high
  *          are a doubt (tools/evaluate/sim_road.md)
  *
- * And by the same matches whether the map's motion is off alike from pair to pair (bias.h): what
- * is bent between the world and a thing that moves looks well by all three.
+ * And by the same matches whether the map's motion is off alike from pair to pair (motion_bias.h):
+ * what is bent between the world and a thing that moves looks well by all three.
  *
  * In doubt no pose is `tracking`. Where near or fit are low or the motion is biased, after three
  * keyframes, the map is given up, and where near or fit stay in doubt for four: all of it while it
@@ -41,7 +41,7 @@
 
 #include "base/arena.h"
 #include "kernels/kernels.h"
-#include "odometry/bias.h"
+#include "odometry/motion_bias.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -64,13 +64,13 @@ struct fv_agreement_state {
     uint32_t drop_map;
     uint64_t drop_from;
     uint32_t matches; /* of the pair in work, while its motion is fitted; 0: none is */
-    struct fv_bias_state bias;
+    struct fv_motion_bias_state motion_bias;
 };
 
 struct fv_agreement {
-    uint32_t *nearest, *second;    /* job part: by sampled feature, as hamming_two_u8 leaves them */
-    uint16_t *distance;            /* job part: by feature of the later keyframe */
-    struct fv_bias_match *matches; /* job part: of the pair in work */
+    uint32_t *nearest, *second; /* job part: by sampled feature, as hamming_two_u8 leaves them */
+    uint16_t *distance;         /* job part: by feature of the later keyframe */
+    struct fv_motion_bias_match *matches; /* job part: of the pair in work */
 };
 
 enum fv_agreement_verdict { FV_AGREEMENT_GOOD, FV_AGREEMENT_WEAK, FV_AGREEMENT_CONTRADICTED };

@@ -48,7 +48,7 @@ void pieces_of_agreement(struct fovea *rt)
     for (uint32_t f = 0; f < features; f++)
         o->agreement.distance[f] = 0;
     NOTE(agreement_judged, hold, rt, 1);
-    o->state->agreement.bias.pairs = 1; /* one before has asked for a correction */
-    NOTE(agreement_fitted, fit, rt, 1); /* with the evidence */
+    o->state->agreement.motion_bias.pairs = 1; /* one before has asked for a correction */
+    NOTE(agreement_fitted, fit, rt, 1);        /* with the evidence */
     NOTE(map_given_up, give_up, rt, 1);
 }

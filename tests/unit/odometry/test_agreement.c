@@ -126,22 +126,22 @@ static void a_bias_counts(void **state)
 {
     (void)state;
     struct fv_agreement_state s = {.near = 94, .about = 100, .all = 105, .known = 90, .checks = 1};
-    s.bias.pairs = 1;
-    s.bias.way[0] = 0.1;
-    s.bias.evidence = 100;
+    s.motion_bias.pairs = 1;
+    s.motion_bias.way[0] = 0.1;
+    s.motion_bias.evidence = 100;
     assert_int_equal(fv_agreement_verdict(&s), FV_AGREEMENT_WEAK);
     s.checks = 3;
     assert_int_equal(fv_agreement_verdict(&s), FV_AGREEMENT_CONTRADICTED);
-    s.bias.way[0] = 0.01;
+    s.motion_bias.way[0] = 0.01;
     assert_int_equal(fv_agreement_verdict(&s), FV_AGREEMENT_GOOD);
     s.suspect = true;
     fv_agreement_confirm(&s);
     assert_true(fv_agreement_withholds(&s));
-    s.bias.evidence = 1;
+    s.motion_bias.evidence = 1;
     assert_false(fv_agreement_withholds(&s));
-    s.bias.evidence = 100;
+    s.motion_bias.evidence = 100;
     fv_agreement_forget(&s); /* another map */
-    assert_true(fv_bias_clear(&s.bias));
+    assert_true(fv_motion_bias_clear(&s.motion_bias));
 }
 
 /* A suspect map is published with a confident pose after two checks, or after three that are clear.

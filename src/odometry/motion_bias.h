@@ -24,8 +24,8 @@
  * up to 24; on the recordings corrections last for no more than two or three pairs.
  *
  * Plain data without addresses; real-time safe, bounded by the matches. */
-#ifndef FOVEA_ODOMETRY_BIAS_H
-#define FOVEA_ODOMETRY_BIAS_H
+#ifndef FOVEA_ODOMETRY_MOTION_BIAS_H
+#define FOVEA_ODOMETRY_MOTION_BIAS_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -36,15 +36,15 @@
 extern "C" {
 #endif
 
-enum { FV_BIAS_PASSES = 8 }; /* of a fit: two units of half of them */
+enum { FV_MOTION_BIAS_PASSES = 8 }; /* of a fit: two units of half of them */
 
 /* One point in two views. */
-struct fv_bias_match {
+struct fv_motion_bias_match {
     float x1[3], x2[3]; /* unit bearings */
     float weight;       /* 1 / sigma_px^2 of the second */
 };
 
-struct fv_bias_state {
+struct fv_motion_bias_state {
     /* faded sums over pairs: corrections (turn in rad, change of the direction of translation, both
      * in the second view's axes), and their number */
     double turn[3], way[3], pairs;
@@ -57,18 +57,19 @@ struct fv_bias_state {
 };
 
 /* Nothing is known of this map. */
-void fv_bias_forget(struct fv_bias_state *state);
+void fv_motion_bias_forget(struct fv_motion_bias_state *state);
 /* A pair begins, with its motion as the map has it (T_2_1); lengths do not matter. False: there is
  * no translation, and nothing to fit. */
-bool fv_bias_begin(struct fv_bias_state *state, const struct fv_se3 *T_2_1);
+bool fv_motion_bias_begin(struct fv_motion_bias_state *state, const struct fv_se3 *T_2_1);
 /* The evidence of the pair's matches, and the first half of a fit; or the rest of it. True: the
  * pair is done, and its correction noted. */
-bool fv_bias_unit(struct fv_bias_state *state, const struct fv_bias_match *matches, uint32_t count,
-                  double focal_px);
+bool fv_motion_bias_unit(struct fv_motion_bias_state *state,
+                         const struct fv_motion_bias_match *matches, uint32_t count,
+                         double focal_px);
 /* Whether the motion is biased by what is known so far. */
-bool fv_bias_found(const struct fv_bias_state *state);
+bool fv_motion_bias_found(const struct fv_motion_bias_state *state);
 /* Whether there is no hint of a bias, of whatever size. */
-bool fv_bias_clear(const struct fv_bias_state *state);
+bool fv_motion_bias_clear(const struct fv_motion_bias_state *state);
 
 #ifdef __cplusplus
 }

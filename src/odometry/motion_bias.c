@@ -1,11 +1,11 @@
-#include "odometry/bias.h"
+#include "odometry/motion_bias.h"
 
 #include <string.h>
 
 #include "geometry/linear.h"
 #include "geometry/vec.h"
 
-enum { PASSES_PER_UNIT = FV_BIAS_PASSES / 2, HELD_PAIRS = 12 };
+enum { PASSES_PER_UNIT = FV_MOTION_BIAS_PASSES / 2, HELD_PAIRS = 12 };
 
 static const double sigma_px = 0.5, cost_max = 9; /* of one match, sigma^2 */
 static const double fade = 0.7, tried_fraction = 0.5;
@@ -13,7 +13,7 @@ static const double damping = 1e-3, turn_max_rad = 0.1; /* of a pass */
 static const double evidence_min = 25, evidence_min_held = 75, evidence_clear = 12;
 static const double way_min = 0.035; /* rad */
 /* Errors (sigmas) at which a match counts a quarter (S. Geman and D. McClure, 1987), by pass. */
-static const double scales[FV_BIAS_PASSES] = {6, 4, 3, 2, 2, 2, 2, 2};
+static const double scales[FV_MOTION_BIAS_PASSES] = {6, 4, 3, 2, 2, 2, 2, 2};
 
 /* A match as a motion sees it. */
 struct view {
@@ -24,7 +24,7 @@ struct view {
 };
 
 /* False: x1 lies in the direction of motion, where no plane is known. */
-static bool see(const struct fv_se3 *T, const struct fv_bias_match *m, double focal_px,
+static bool see(const struct fv_se3 *T, const struct fv_motion_bias_match *m, double focal_px,
                 double x2[3], struct view *v)
 {
     double x1[3], off[3], across[3];
@@ -46,8 +46,8 @@ static bool see(const struct fv_se3 *T, const struct fv_bias_match *m, double fo
     return true;
 }
 
-static double cost_of(const struct fv_se3 *T, const struct fv_bias_match *matches, uint32_t count,
-                      double focal_px)
+static double cost_of(const struct fv_se3 *T, const struct fv_motion_bias_match *matches,
+                      uint32_t count, double focal_px)
 {
     double cost = 0, x2[3];
     for (uint32_t i = 0; i < count; i++) {
@@ -81,7 +81,7 @@ static void move(struct fv_se3 *T, const double turn[3], const double way[3])
 }
 
 /* One pass of Gauss-Newton; `scale` in sigmas. */
-static void pass(struct fv_se3 *T, const struct fv_bias_match *matches, uint32_t count,
+static void pass(struct fv_se3 *T, const struct fv_motion_bias_match *matches, uint32_t count,
                  double focal_px, double scale)
 {
     double A[25] = {0}, g[5] = {0}, u[3], w[3], x2[3];
@@ -122,12 +122,12 @@ static void pass(struct fv_se3 *T, const struct fv_bias_match *matches, uint32_t
     move(T, g, way);
 }
 
-void fv_bias_forget(struct fv_bias_state *s)
+void fv_motion_bias_forget(struct fv_motion_bias_state *s)
 {
     memset(s, 0, sizeof *s);
 }
 
-bool fv_bias_begin(struct fv_bias_state *s, const struct fv_se3 *T_2_1)
+bool fv_motion_bias_begin(struct fv_motion_bias_state *s, const struct fv_se3 *T_2_1)
 {
     s->map = *T_2_1;
     s->pass = 0;
@@ -137,8 +137,9 @@ bool fv_bias_begin(struct fv_bias_state *s, const struct fv_se3 *T_2_1)
 }
 
 /* Try half of what the pairs before asked for. */
-static void take_evidence(struct fv_bias_state *s, const struct fv_bias_match *matches,
-                          uint32_t count, double focal_px)
+static void take_evidence(struct fv_motion_bias_state *s,
+                          const struct fv_motion_bias_match *matches, uint32_t count,
+                          double focal_px)
 {
     s->cost = cost_of(&s->map, matches, count, focal_px);
     s->evidence *= fade;
@@ -156,7 +157,7 @@ static void take_evidence(struct fv_bias_state *s, const struct fv_bias_match *m
 }
 
 /* What the fit moved the motion by; nothing where it did not lower the cost. */
-static void note(struct fv_bias_state *s, double cost)
+static void note(struct fv_motion_bias_state *s, double cost)
 {
     const bool better = cost < s->cost;
     double moved[9], turn[3];
@@ -170,24 +171,24 @@ static void note(struct fv_bias_state *s, double cost)
     s->seen++;
 }
 
-bool fv_bias_unit(struct fv_bias_state *s, const struct fv_bias_match *matches, uint32_t count,
-                  double focal_px)
+bool fv_motion_bias_unit(struct fv_motion_bias_state *s, const struct fv_motion_bias_match *matches,
+                         uint32_t count, double focal_px)
 {
     if (s->pass == 0) take_evidence(s, matches, count, focal_px);
     for (int k = 0; k < PASSES_PER_UNIT; k++, s->pass++)
         pass(&s->fit, matches, count, focal_px, scales[s->pass]);
-    if (s->pass < FV_BIAS_PASSES) return false;
+    if (s->pass < FV_MOTION_BIAS_PASSES) return false;
     note(s, cost_of(&s->fit, matches, count, focal_px));
     return true;
 }
 
-bool fv_bias_found(const struct fv_bias_state *s)
+bool fv_motion_bias_found(const struct fv_motion_bias_state *s)
 {
     const double least = s->seen > HELD_PAIRS ? evidence_min_held : evidence_min;
     return s->evidence >= least && fv_norm3(s->way) >= way_min * s->pairs;
 }
 
-bool fv_bias_clear(const struct fv_bias_state *s)
+bool fv_motion_bias_clear(const struct fv_motion_bias_state *s)
 {
     return s->evidence < evidence_clear;
 }

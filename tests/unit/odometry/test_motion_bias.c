@@ -13,13 +13,13 @@
 
 #include "base/elementary.h"
 #include "geometry/vec.h"
-#include "odometry/bias.h"
+#include "odometry/motion_bias.h"
 
 enum { MATCHES = 160, WRONG = 24, PAIRS = 8 };
 enum quality { NOISY, EXACT };
 #define FOCAL_PX 700.0
 
-static struct fv_bias_match matches[MATCHES];
+static struct fv_motion_bias_match matches[MATCHES];
 static struct fv_random random_numbers;
 
 static double draw(double low, double high)
@@ -80,19 +80,19 @@ static void map_motion(const struct fv_se3 *T, double turn_rad, struct fv_se3 *m
 }
 
 /* Pairs whose maps are off by what `turns` says; the state behind them. */
-static void run(const double turns[PAIRS], struct fv_bias_state *s)
+static void run(const double turns[PAIRS], struct fv_motion_bias_state *s)
 {
     int far = 0;
     fv_random_seed(&random_numbers, 5);
-    fv_bias_forget(s);
+    fv_motion_bias_forget(s);
     for (int n = 0; n < PAIRS; n++) {
         struct fv_se3 T, map;
         uint32_t units = 1;
         true_motion(&T);
         make_pair(&T, NOISY);
         map_motion(&T, turns[n], &map);
-        assert_true(fv_bias_begin(s, &map));
-        while (!fv_bias_unit(s, matches, MATCHES, FOCAL_PX))
+        assert_true(fv_motion_bias_begin(s, &map));
+        while (!fv_motion_bias_unit(s, matches, MATCHES, FOCAL_PX))
             units++;
         assert_int_equal(units, 2);
         (void)fv_normalise3(T.t);
@@ -109,28 +109,28 @@ static void a_lasting_error_is_found(void **state)
 {
     (void)state;
     static const double turns[PAIRS] = {0.008, 0.008, 0.009, 0.008, 0.007, 0.008, 0.008, 0.009};
-    struct fv_bias_state s;
+    struct fv_motion_bias_state s;
     run(turns, &s);
-    assert_true(fv_bias_found(&s));
-    assert_false(fv_bias_clear(&s));
+    assert_true(fv_motion_bias_found(&s));
+    assert_false(fv_motion_bias_clear(&s));
     assert_true(fv_norm3(s.way) / s.pairs > 0.06 && fv_norm3(s.turn) / s.pairs > 0.006);
     s.evidence = 50; /* enough of a young map */
-    assert_true(fv_bias_found(&s));
+    assert_true(fv_motion_bias_found(&s));
     s.seen = 13;
-    assert_false(fv_bias_found(&s));
-    fv_bias_forget(&s);
-    assert_false(fv_bias_found(&s));
-    assert_true(fv_bias_clear(&s));
+    assert_false(fv_motion_bias_found(&s));
+    fv_motion_bias_forget(&s);
+    assert_false(fv_motion_bias_found(&s));
+    assert_true(fv_motion_bias_clear(&s));
 }
 
 static void a_right_motion_is_not(void **state)
 {
     (void)state;
     static const double turns[PAIRS] = {0};
-    struct fv_bias_state s;
+    struct fv_motion_bias_state s;
     run(turns, &s);
-    assert_false(fv_bias_found(&s));
-    assert_true(fv_bias_clear(&s));
+    assert_false(fv_motion_bias_found(&s));
+    assert_true(fv_motion_bias_clear(&s));
     assert_true(s.evidence < 5);
 }
 
@@ -139,9 +139,9 @@ static void errors_of_single_pairs_are_not(void **state)
 {
     (void)state;
     static const double turns[PAIRS] = {0.008, -0.008, -0.007, 0.009, -0.009, 0.008, 0.007, -0.008};
-    struct fv_bias_state s;
+    struct fv_motion_bias_state s;
     run(turns, &s);
-    assert_false(fv_bias_found(&s));
+    assert_false(fv_motion_bias_found(&s));
     assert_true(s.evidence < 5);
 }
 
@@ -150,20 +150,20 @@ static void a_small_error_matters_not(void **state)
 {
     (void)state;
     static const double turns[PAIRS] = {0.003, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003, 0.003};
-    struct fv_bias_state s;
+    struct fv_motion_bias_state s;
     run(turns, &s);
-    assert_false(fv_bias_found(&s));
-    assert_false(fv_bias_clear(&s));
+    assert_false(fv_motion_bias_found(&s));
+    assert_false(fv_motion_bias_clear(&s));
 }
 
 /* One pair of exact matches, from a map's motion on. */
-static void exact_pair(const struct fv_se3 *map, struct fv_bias_state *s)
+static void exact_pair(const struct fv_se3 *map, struct fv_motion_bias_state *s)
 {
     struct fv_se3 T;
     true_motion(&T);
     make_pair(&T, EXACT);
-    assert_true(fv_bias_begin(s, map));
-    while (!fv_bias_unit(s, matches, MATCHES, FOCAL_PX))
+    assert_true(fv_motion_bias_begin(s, map));
+    while (!fv_motion_bias_unit(s, matches, MATCHES, FOCAL_PX))
         continue;
 }
 
@@ -172,11 +172,11 @@ static void a_fit_comes_to_the_truth(void **state)
 {
     (void)state;
     const double step[6] = {0.05, -0.04, 0, 0.004, -0.005, 0.02};
-    struct fv_bias_state s;
+    struct fv_motion_bias_state s;
     struct fv_se3 T, map, inverse, off;
     double left[3], way[3];
     fv_random_seed(&random_numbers, 6);
-    fv_bias_forget(&s);
+    fv_motion_bias_forget(&s);
     true_motion(&T);
     map = T;
     fv_se3_move(&map, step);
@@ -195,11 +195,11 @@ static void a_fit_comes_to_the_truth(void **state)
 static void evidence_is_what_half_takes_of_the_cost(void **state)
 {
     (void)state;
-    struct fv_bias_state s;
+    struct fv_motion_bias_state s;
     struct fv_se3 T, map;
     double expected = 0;
     fv_random_seed(&random_numbers, 7);
-    fv_bias_forget(&s);
+    fv_motion_bias_forget(&s);
     true_motion(&T);
     map_motion(&T, 0.001, &map);
     for (int n = 0; n < 4; n++) {
@@ -214,10 +214,10 @@ static void evidence_is_what_half_takes_of_the_cost(void **state)
 static void the_way_back_fits_nothing(void **state)
 {
     (void)state;
-    struct fv_bias_state s;
+    struct fv_motion_bias_state s;
     struct fv_se3 T;
     fv_random_seed(&random_numbers, 8);
-    fv_bias_forget(&s);
+    fv_motion_bias_forget(&s);
     true_motion(&T);
     exact_pair(&T, &s);
     assert_true(s.cost < 1e-3);
@@ -231,12 +231,12 @@ static void nothing_is_fitted_without_a_way(void **state)
 {
     (void)state;
     struct fv_se3 T;
-    struct fv_bias_state s;
-    fv_bias_forget(&s);
+    struct fv_motion_bias_state s;
+    fv_motion_bias_forget(&s);
     true_motion(&T);
     memset(T.t, 0, sizeof T.t);
-    assert_false(fv_bias_begin(&s, &T));
-    assert_false(fv_bias_found(&s));
+    assert_false(fv_motion_bias_begin(&s, &T));
+    assert_false(fv_motion_bias_found(&s));
 }
 
 int main(void)
