@@ -18,6 +18,7 @@
 #include <cmocka.h>
 
 #include "app/run/service.h"
+#include "common/patience.h"
 #include "common/watched.h"
 
 static char folder[] = "/tmp/fovea_service_XXXXXX", path[64];
@@ -45,6 +46,8 @@ static int tear_down(void **state)
     return 0;
 }
 
+enum { PATIENCE_MS = FV_TEST_PATIENCE_S * 1000 };
+
 /* The next datagram; "": none within so long. */
 static const char *heard(int timeout_ms)
 {
@@ -61,7 +64,8 @@ static const char *heard(int timeout_ms)
 
 static void expect_heard(const char *text)
 {
-    for (const char *found = heard(60000); strcmp(found, text) != 0; found = heard(60000))
+    for (const char *found = heard(PATIENCE_MS); strcmp(found, text) != 0;
+         found = heard(PATIENCE_MS))
         if (found[0] == '\0') fail_msg("found nothing more, expected %s", text);
 }
 
@@ -73,15 +77,15 @@ static void a_sign_of_life_needs_a_beat(void **state)
     fv_service_open(&service, &beats);
     assert_string_equal(heard(200), ""); /* not ready before the loop runs */
     atomic_store(&beats, 1);
-    assert_string_equal(heard(60000), "READY=1");
-    assert_string_equal(heard(60000), "WATCHDOG=1");
+    assert_string_equal(heard(PATIENCE_MS), "READY=1");
+    assert_string_equal(heard(PATIENCE_MS), "WATCHDOG=1");
     assert_string_equal(heard(200), ""); /* the loop hangs */
     atomic_store(&beats, 2);
-    assert_string_equal(heard(60000), "WATCHDOG=1");
+    assert_string_equal(heard(PATIENCE_MS), "WATCHDOG=1");
     fv_service_state(&service, "lost");
-    assert_string_equal(heard(60000), "STATUS=pose: lost");
+    assert_string_equal(heard(PATIENCE_MS), "STATUS=pose: lost");
     fv_service_close(&service);
-    assert_string_equal(heard(60000), "STOPPING=1");
+    assert_string_equal(heard(PATIENCE_MS), "STOPPING=1");
     assert_string_equal(heard(50), "");
 }
 
@@ -116,9 +120,9 @@ static void without_a_watchdog_there_is_no_sign_of_life(void **state)
         }
         atomic_store(&beats, 1);
         fv_service_open(&service, &beats);
-        assert_string_equal(heard(60000), "READY=1");
+        assert_string_equal(heard(PATIENCE_MS), "READY=1");
         fv_service_close(&service);
-        assert_string_equal(heard(60000), "STOPPING=1");
+        assert_string_equal(heard(PATIENCE_MS), "STOPPING=1");
     }
 }
 
