@@ -10,6 +10,7 @@
 #define FOVEA_BASE_ELEMENTARY_H
 
 #include <stdint.h>
+#include <string.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -35,6 +36,16 @@ double fv_pow(double base, double exponent);
 
 /* Largest integer value not above `value`, |value| < 2^51. */
 double fv_floor(double value);
+/* The float32 `steps` further from zero than x, which is not zero. */
+static inline float fv_float_step(float x, int32_t steps)
+{
+    int32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    bits += steps;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
 /* `value`, or the end of [-most, most] that it lies beyond. */
 static inline double fv_within(double value, double most)
 {

@@ -5,7 +5,7 @@
 
 #include "nn/run.h"
 
-/* What the kernels are told of an operator. */
+/* The arguments of the kernel that computes an operator. */
 struct fv_nn_gemm fv_nn_gemm_of(const struct fv_model *model, const struct fv_model_op *op);
 struct fv_nn_depthwise fv_nn_depthwise_of(const struct fv_model *model,
                                           const struct fv_model_op *op);

@@ -350,7 +350,7 @@ struct fv_model_header {
 };
 
 /* A checked model. Views into the caller's bytes, which must stay where they are while the model is
- * used. */
+ * used, and a table beside them that a network is set up with. */
 struct fv_model {
     const uint8_t *base;
     const struct fv_model_header *header;

@@ -3,6 +3,7 @@
 #include <math.h> /* of which no function */
 #include <string.h>
 
+#include "base/elementary.h"
 #include "kernels/nn_requantize.h"
 #include "nn/conv.h"
 
@@ -27,21 +28,11 @@ struct bounds {
     double least, below;
 };
 
-/* The float32 `steps` further from zero. */
-static float step_from_zero(float x, int32_t steps)
-{
-    int32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    bits += steps;
-    memcpy(&x, &bits, sizeof x);
-    return x;
-}
-
 /* The float32 that is not above a sum. */
 static double round_sum_down(int64_t sum)
 {
     float x = (float)sum;
-    if ((double)x > (double)sum) x = step_from_zero(x, sum < 0 ? 1 : -1);
+    if ((double)x > (double)sum) x = fv_float_step(x, sum < 0 ? 1 : -1);
     return (double)x;
 }
 
@@ -124,7 +115,7 @@ bool fv_nn_real_find(const struct fv_nn_real_channel *c, float found[3])
     const float nearest =
         (float)((double)c->multiplier * 0x1p-31 / (double)(INT64_C(1) << -c->shift));
     for (int i = 0; i < FACTORS; i++) { /* the nearest one, then those on both sides by turns */
-        found[0] = step_from_zero(nearest, i % 2 != 0 ? (i + 1) / 2 : -i / 2);
+        found[0] = fv_float_step(nearest, i % 2 != 0 ? (i + 1) / 2 : -i / 2);
         find_bounds(c, &rises, (double)found[0], bounds);
         if (choose(bounds[0], &found[1]) && choose(bounds[1], &found[2]) &&
             (double)found[2] - (double)found[0] <= (double)found[1])
@@ -227,7 +218,7 @@ void fv_nn_real_depthwise(const struct fv_nn_depthwise *d, float *real)
     }
 }
 
-/* ---- a model's table: offsets by operator, in floats, then the blocks -------------------------
+/* ---- a model's table: offsets by operator, then the blocks ------------------------------------
  */
 
 /* Channels that are rounded, or 0, and the bytes of their weights. */
@@ -251,9 +242,8 @@ static size_t begin_of_blocks(const struct fv_model *model)
 
 /* Where the operator's blocks begin; `end` goes past them. Of a file whose operators share weights,
  * so that they are far more than the file, or that has far more channels than any network, only the
- * first ones have blocks: else a file could make the set-up take minutes. `all_weights`:
- * their bytes so far.
- */
+ * first ones have blocks: else a file could make the set-up take minutes. `all_weights`: the
+ * bytes of their weights so far. */
 static size_t next_blocks(const struct fv_model *model, const struct fv_model_op *op, size_t *end,
                           uint64_t *all_weights)
 {

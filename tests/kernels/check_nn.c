@@ -111,16 +111,6 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
     return g;
 }
 
-/* Half of the time, for a product that is not changed any more. */
-static void draw_real(struct check *check, struct fv_nn_gemm *g)
-{
-    const size_t n16 = (size_t)(g->n + 15) / 16 * 16;
-    float *real = check_buffer(check, n16 * 3 * sizeof *real, 64, 0);
-    if (check_between(check, 0, 1) == 0) return;
-    fv_nn_real_gemm(g, real);
-    g->real = real;
-}
-
 /* Bytes of all sizes, the largest in most places, as of a clamped activation, or everywhere. */
 static void fill_inputs(struct check *check, uint8_t *to, ptrdiff_t count)
 {
@@ -129,45 +119,6 @@ static void fill_inputs(struct check *check, uint8_t *to, ptrdiff_t count)
     for (ptrdiff_t i = 0; i < count; i++) {
         if (to[i] > kept) to[i] = 255;
     }
-}
-
-/* 69,632 sums in a row, each once, by one scale: all that lead to bytes, or those near some byte.
- */
-static void check_all_sums(struct check *check, fv_k_nn_gemm_u8_fn *reference,
-                           fv_k_nn_gemm_u8_fn *variant)
-{
-    enum { ROWS = 256, CHANNELS = 272 };
-    const int32_t multiplier = check_between(check, 0, 7)
-                                   ? (int32_t)(0x40000000u + check_random(check) % 0x40000000u)
-                                   : 0x40000000;
-    const int32_t shift = check_between(check, 0, 1) ? -9 : check_between(check, -14, 0);
-    const double scale = (double)multiplier / (double)(INT64_C(1) << (31 - shift));
-    const int32_t first = (int32_t)(check_between(check, -255, 255) / scale) - ROWS * CHANNELS / 2;
-    struct fv_nn_gemm g = {.k = 1, .k4 = 1, .n = CHANNELS};
-    int8_t *weights = check_buffer(check, CHANNELS * 4, 64, SLACK);
-    int32_t *numbers[3];
-    for (int i = 0; i < 3; i++)
-        numbers[i] = check_buffer(check, CHANNELS * 4, 64, SLACK);
-    for (int32_t c = 0; c < CHANNELS; c++) {
-        weights[4 * c] = 1;
-        numbers[0][c] = first + ROWS * c;
-        numbers[1][c] = multiplier;
-        numbers[2][c] = shift;
-    }
-    g.weights = weights;
-    g.bias = numbers[0];
-    g.multiplier = numbers[1];
-    g.shift = numbers[2];
-    check_draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
-    draw_real(check, &g);
-    uint8_t *a = check_buffer(check, ROWS, 1, SLACK);
-    for (int32_t i = 0; i < ROWS; i++)
-        a[i] = (uint8_t)i;
-    uint8_t *expected = check_buffer(check, ROWS * CHANNELS, 1, 0),
-            *found = check_buffer(check, ROWS * CHANNELS, 1, 0);
-    reference(&g, a, 1, expected, CHANNELS, ROWS);
-    variant(&g, a, 1, found, CHANNELS, ROWS);
-    check_equal(check, "all sums", expected, found, ROWS * CHANNELS);
 }
 
 /* Few channels as often as many. */
@@ -192,7 +143,7 @@ void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
     const int32_t m =
         check_between(check, 0, 9) ? check_between(check, 1, 40) : check_between(check, 120, 270);
     struct fv_nn_gemm g = draw_gemm(check, k, n);
-    draw_real(check, &g);
+    check_draw_real(check, &g);
     const ptrdiff_t lda = k + check_between(check, 0, 9),
                     ldo = n + check_between(check, 0, 1) * check_between(check, 0, 9);
     uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
@@ -213,7 +164,7 @@ void check_nn_apart_u8(struct check *check, fv_k_nn_apart_u8_fn *reference,
     const int32_t m = check_between(check, 1, check_between(check, 0, 9) ? 40 : ROWS);
     struct fv_nn_gemm g = draw_gemm(check, 4 * k4, n);
     g.row_sum_factor = 0;
-    draw_real(check, &g);
+    check_draw_real(check, &g);
     uint8_t *a = check_buffer(check, SPAN, 1, 0);
     fill_inputs(check, a, SPAN);
     const ptrdiff_t ldo = n + check_between(check, 0, 1) * check_between(check, 0, 9);
@@ -267,7 +218,7 @@ static struct bench_gemm *bench_gemm_inputs(struct check *check)
         b->g = draw_gemm(check, K, N);
         b->g.row_sum_factor = 0;
         b->g.table = NULL;
-        draw_real(check, &b->g);
+        check_draw_real(check, &b->g);
         b->a = check_buffer(check, M * K, 64, SLACK);
         check_fill(check, b->a, M * K);
         check->kept = b;

@@ -1,13 +1,14 @@
 /* Depthwise convolution with vpdpbusd, for the files of the VNNI and the Ice Lake set.
  *
  * The bytes of up to four rows are interleaved, so that one 32-bit lane holds one channel's column
- * of the kernel, and each column of the kernel costs one vpdpbusd per 16 channels. Two ways, by the
- * number of channels:
+ * of the kernel, and each column of the kernel costs one vpdpbusd per 16 channels. Three ways:
  *  - blocks: 64 channels at a time; each input column is interleaved once into scratch and used by
  *    all outputs over it;
  *  - flat: few channels; a row of pixels is one run of bytes in which outputs j and inputs j + kx
  *    channels belong together, with the weights repeating every `channels` bytes. Rows are copied
- *    with their borders, columns sorted by stride. */
+ *    with their borders, columns sorted by stride;
+ *  - streams: the same where pixels are whole lanes of 16 bytes and follow each other: each column
+ *    is interleaved once for all outputs over it. */
 #ifndef FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 #define FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 
@@ -268,6 +269,18 @@ static inline int32_t common_divisor(int32_t a, int32_t b)
     return a;
 }
 
+/* A row's 64 lanes stand for the same channels again after so many times 64. */
+static inline int32_t phases_of(const struct fv_nn_depthwise *d)
+{
+    return d->channels / common_divisor(d->channels, 64);
+}
+
+static inline void load_phases(struct lanes *lanes, const struct fv_nn_depthwise *d, int32_t phases)
+{
+    for (int32_t p = 0; p < phases; p++)
+        load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
+}
+
 static inline int flat_fits(const struct fv_nn_depthwise *d)
 {
     if (d->stride_x > 1 && d->channels >= 48) return 0; /* sorting columns takes longer */
@@ -277,7 +290,7 @@ static inline int flat_fits(const struct fv_nn_depthwise *d)
     const int32_t blocks = (d->channels + 63) / 64;
     return d->kh <= 4 && d->planes * d->kw <= STEPS_MAX && d->channels * 5 < blocks * 64 * 4 &&
            d->out_stride == d->channels && flat_part(d) * d->stride_x * d->kh <= room &&
-           d->channels / common_divisor(d->channels, 64) <= PHASES_MAX;
+           phases_of(d) <= PHASES_MAX;
 }
 
 /* `count` pixels of BYTES bytes, `step` bytes apart, side by side. */
@@ -288,7 +301,7 @@ FV_INLINE void gather_pixels(uint8_t *to, const uint8_t *from, ptrdiff_t step, i
         if (BYTES == 8)
             _mm_storel_epi64((__m128i *)(void *)to,
                              _mm_loadl_epi64((const __m128i *)(const void *)from));
-#pragma GCC unroll 6
+#pragma GCC unroll 2
         for (int at = 0; at + 16 <= BYTES; at += 16)
             _mm_storeu_si128((__m128i *)(void *)(to + at),
                              _mm_loadu_si128((const __m128i *)(const void *)(from + at)));
@@ -298,6 +311,10 @@ FV_INLINE void gather_pixels(uint8_t *to, const uint8_t *from, ptrdiff_t step, i
 static inline void copy_pixels(uint8_t *to, const uint8_t *from, ptrdiff_t step, int32_t count,
                                int32_t bytes)
 {
+    if (step == bytes) {
+        memcpy(to, from, (size_t)count * (size_t)bytes);
+        return;
+    }
     switch (bytes) {
     case 8:
         gather_pixels(to, from, step, count, 8);
@@ -307,12 +324,6 @@ static inline void copy_pixels(uint8_t *to, const uint8_t *from, ptrdiff_t step,
         return;
     case 32:
         gather_pixels(to, from, step, count, 32);
-        return;
-    case 48:
-        gather_pixels(to, from, step, count, 48);
-        return;
-    case 96:
-        gather_pixels(to, from, step, count, 96);
         return;
     default:
         for (int32_t i = 0; i < count; i++, to += bytes, from += step)
@@ -346,18 +357,8 @@ static inline void copy_phase(const struct fv_nn_depthwise *d, const uint8_t *ro
 static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to,
                              ptrdiff_t part)
 {
-    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
     if (row == NULL) {
         memset(to, d->zero_in, (size_t)(part * d->stride_x));
-        return;
-    }
-    if (d->stride_x == 1 && d->in_stride == d->channels) {
-        const int32_t left = d->pad_left < all ? d->pad_left : all,
-                      middle = all - left < d->in_w ? all - left : d->in_w;
-        memset(to, d->zero_in, (size_t)(left * d->channels));
-        memcpy(to + left * d->channels, row, (size_t)(middle * d->channels));
-        memset(to + (left + middle) * d->channels, d->zero_in,
-               (size_t)((all - left - middle) * d->channels));
         return;
     }
     for (int32_t phase = 0; phase < d->stride_x; phase++)
@@ -396,13 +397,11 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
 static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
                                 int32_t begin, int32_t end, uint8_t *scratch, int above)
 {
-    const int32_t phases = d->channels / common_divisor(d->channels, 64),
-                  total = d->out_w * d->channels;
+    const int32_t phases = phases_of(d), total = d->out_w * d->channels;
     const ptrdiff_t part = flat_part(d), pitch = part * d->stride_x;
     const int small = d->kh == 3 && d->kw == 3;
     struct lanes lanes[PHASES_MAX];
-    for (int32_t p = 0; p < phases; p++)
-        load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
+    load_phases(lanes, d, phases);
     int32_t copied = INT32_MIN; /* the last row whose copy is there */
     for (int32_t y = begin; y < end; y++, out += total) {
         const uint8_t *rows[4] = {NULL};
@@ -431,11 +430,9 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
     }
 }
 
-/* ---- streams: lanes of 16 channels, columns side by side --------------------------------------
- */
+/* ---- streams of lanes ------------------------------------------------------------------------ */
 
-/* Where pixels are whole lanes of 16 bytes and neighbours, each column is interleaved once, into
- * four streams of lanes; an output reads each of them kw times, a pixel apart. */
+/* Of each of four streams an output reads kw lanes, a pixel apart. */
 static inline ptrdiff_t stream_pitch(const struct fv_nn_depthwise *d)
 {
     return ((ptrdiff_t)(d->out_w + d->kw - 1) * d->channels + 64 + 127) / 64 * 64;
@@ -454,7 +451,7 @@ static inline int streams_fit(const struct fv_nn_depthwise *d)
     return d->channels % 16 == 0 && d->stride_x == 1 && d->dilation_x == 1 && d->kh <= 4 &&
            d->planes * d->kw <= STEPS_MAX && d->in_stride == d->channels &&
            d->out_stride == d->channels && 4 * stream_pitch(d) <= room &&
-           d->channels / common_divisor(d->channels, 64) <= PHASES_MAX;
+           phases_of(d) <= PHASES_MAX;
 }
 
 static inline void fill_streams(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
@@ -509,12 +506,10 @@ FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwis
 static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
                               int32_t begin, int32_t end, uint8_t *streams, int above)
 {
-    const int32_t phases = d->channels / common_divisor(d->channels, 64),
-                  total = d->out_w * d->channels, step = phases * 64;
+    const int32_t phases = phases_of(d), total = d->out_w * d->channels, step = phases * 64;
     const ptrdiff_t pitch = stream_pitch(d);
     struct lanes lanes[PHASES_MAX];
-    for (int32_t p = 0; p < phases; p++)
-        load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
+    load_phases(lanes, d, phases);
     for (int32_t y = begin; y < end; y++, out += total) {
         fill_streams(d, in, y, streams, pitch);
         for (int32_t p = 0; p < phases && p * 64 < total; p++) {

@@ -12,6 +12,7 @@
 #ifndef FOVEA_KERNELS_X86_NN_REAL_AVX2_H
 #define FOVEA_KERNELS_X86_NN_REAL_AVX2_H
 
+#include "base/elementary.h"
 #include "kernels/x86/nn_avx2.h"
 
 enum {
@@ -74,16 +75,6 @@ FV_INLINE int is_equal(const struct rises *r, const struct scale8 *s, const int 
     return 1;
 }
 
-/* The float32 `steps` after a positive one. */
-FV_INLINE float float_after(float x, int32_t steps)
-{
-    int32_t bits;
-    memcpy(&bits, &x, sizeof bits);
-    bits += steps;
-    memcpy(&x, &bits, sizeof x);
-    return x;
-}
-
 /* REAL and perhaps ABOVE_ZERO, or 0, for results that are moved by `zero` and clamped to [low,
  * high]. */
 static int find_real(struct scale8 *s, int32_t multiplier, int32_t shift, int32_t zero, int32_t low,
@@ -99,7 +90,7 @@ static int find_real(struct scale8 *s, int32_t multiplier, int32_t shift, int32_
     const float factor = (float)((double)multiplier * half * 0x1p-30);
     for (size_t i = 0; i < sizeof factors; i++) {
         for (size_t j = 0; j < sizeof offsets; j++) {
-            s->factor = _mm256_set1_ps(float_after(factor, factors[i]));
+            s->factor = _mm256_set1_ps(fv_float_step(factor, factors[i]));
             s->offset = _mm256_set1_ps((float)(half + 0x1p-19 * offsets[j]));
             if (mode == REAL ? is_equal(&r, s, REAL) : is_equal(&r, s, REAL | ABOVE_ZERO))
                 return mode;

@@ -41,17 +41,17 @@ static const struct fovea_source_ops *const ops = &fv_source_libcamera;
 static int begin(void **state)
 {
     (void)state;
-    static int64_t idle_ns, away_ns, let_ns;
+    static int64_t idle_ns, away_ns, end_ns;
     if (idle_ns == 0) {
         idle_ns = fv_libcamera_idle_ns;
         away_ns = fv_libcamera_away_ns;
-        let_ns = fv_libcamera_patience_ns;
+        end_ns = fv_libcamera_patience_ns;
     }
     fake_libcamera_end_all();
     fv_libcamera_answer_ns = usual_ns;
     fv_libcamera_idle_ns = idle_ns;
     fv_libcamera_away_ns = away_ns;
-    fv_libcamera_patience_ns = let_ns;
+    fv_libcamera_patience_ns = end_ns;
     return 0;
 }
 
