@@ -1,42 +1,58 @@
 /* Convolutions whose product reads the inputs where they lie: of output pixels whose kernel lies
- * inside the image, groups of four inputs lie at the same distances from the kernel's corner. The
- * rows of other pixels are gathered. */
+ * inside the image, groups of four inputs lie at the same distances from the kernel's corner. Where
+ * the scratch holds a band of some rows of the image, it is copied there with its borders, so that
+ * the kernels of all pixels lie inside. Else the rows of pixels at borders are gathered. */
 #include <string.h>
 
 #include "nn/conv.h"
 
-enum { PIXELS = 144, BORDERS_LEAST = 6 };
+enum {
+    PIXELS = 144, /* at borders that are gathered together, at most */
+    RUNS = 24,
+    BORDERS_LEAST = 6,
+    BAND_LEAST = 3 /* output rows of a band, as each copies rows of the one before again */
+};
 
-/* Pixels that wait for one product. */
+/* Runs of pixels that wait for one product. */
 struct batch {
     const struct fv_nn_call *call;
     struct fv_nn_gemm gemm;
     int32_t *offsets;
-    int32_t count, most;
-    const uint8_t *in[PIXELS];
-    uint8_t *out[PIXELS];
+    int32_t count;
+    struct fv_nn_rows runs[RUNS];
+};
+
+/* Some rows of the image, as wide as the kernels of a row of output pixels reach. */
+struct band {
+    uint8_t *bytes;
+    int32_t out_rows;             /* that it serves; 0: there is no band */
+    ptrdiff_t line;               /* bytes from row to row */
+    int32_t left, columns, right; /* pixels of a row: before the image, of it, and after it */
+    int32_t first;                /* column of the image that comes first */
 };
 
 /* Pixels inside, and pixels at borders with room for their rows. */
 struct apart {
     const struct fv_nn_gathering *g;
-    struct batch inside, borders;
+    struct batch inside, rest, borders;     /* `rest`: of runs inside that are no fours */
     int32_t begin_x, end_x, begin_y, end_y; /* output pixels whose kernel lies inside the image */
+    struct band band;
     uint8_t *rows;
+    int32_t gathered, room; /* rows of pixels at borders: those that wait, and the most of them */
     ptrdiff_t pitch;
+    ptrdiff_t step; /* bytes from the inputs of a pixel inside to those of the next */
 };
 
 static void flush(struct batch *b)
 {
-    if (b->count > 0) b->call->kernels->nn_apart_u8(&b->gemm, b->in, b->offsets, b->out, b->count);
+    if (b->count > 0) b->call->kernels->nn_apart_u8(&b->gemm, b->offsets, b->runs, b->count);
     b->count = 0;
 }
 
-/* How many of `left` pixels there is room for, at least one. */
-static int32_t room_of(struct batch *b, int32_t left)
+static void add_run(struct batch *b, const struct fv_nn_rows *run)
 {
-    if (b->count == b->most) flush(b);
-    return left < b->most - b->count ? left : b->most - b->count;
+    if (b->count == RUNS) flush(b);
+    b->runs[b->count++] = *run;
 }
 
 /* Output pixels of one axis whose kernel lies inside the image: [begin, end), none where end is not
@@ -80,14 +96,16 @@ static void pad_weights(const struct fv_nn_gemm *gemm, int32_t run, uint8_t *to)
     }
 }
 
-/* Where each group of inputs lies, from the kernel's corner on: runs of `taps` pixels. */
-static void set_offsets(const struct fv_op_conv *c, int32_t taps, int32_t *to)
+/* Where each group of inputs lies, from the kernel's corner on: runs of `taps` pixels, where pixels
+ * are `pixel` bytes apart and rows `line`. */
+static void set_offsets(const struct fv_op_conv *c, int32_t taps, int32_t pixel, int32_t line,
+                        int32_t *to)
 {
     const struct fv_op_window *w = &c->window;
-    const int32_t line = c->image.in_w * c->image.in_stride, run = taps * c->image.in_c;
+    const int32_t run = taps * c->image.in_c;
     for (int32_t ky = 0; ky < w->kh; ky++) {
         for (int32_t kx = 0; kx < w->kw; kx += taps) {
-            const int32_t at = ky * w->dilation_y * line + kx * w->dilation_x * c->image.in_stride;
+            const int32_t at = ky * w->dilation_y * line + kx * w->dilation_x * pixel;
             for (int32_t i = 0; i < run; i += 4)
                 *to++ = at + i;
         }
@@ -107,31 +125,104 @@ static int find_inside(struct apart *a, const struct fv_op_conv *c)
     return a->begin_x < a->end_x && a->begin_y < a->end_y;
 }
 
-/* Cut the scratch into what is needed; 0 where it is too small, or where padding costs too much. */
-static int init_apart(struct apart *a, const struct fv_nn_gathering *g,
-                      const struct fv_nn_gemm *gemm, ptrdiff_t pitch)
+static int64_t span_of(int32_t count, int32_t step)
 {
-    const struct fv_nn_call *call = g->call;
-    const struct fv_op_window *w = &g->c->window;
-    const struct fv_op_image *im = &g->c->image;
-    const int32_t taps = w->dilation_x == 1 && im->in_stride == im->in_c ? w->kw : 1,
-                  run = taps * im->in_c, k4 = w->kh * (w->kw / taps) * ((run + 3) / 4);
+    return (int64_t)(count - 1) * step + 1;
+}
+
+static int64_t between(int64_t value, int64_t low, int64_t high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+/* A band in `room` bytes from `from` on, if it holds enough rows. */
+static void init_band(struct band *b, const struct fv_op_conv *c, uint8_t *from, int64_t room)
+{
+    const struct fv_op_window *w = &c->window;
+    const struct fv_op_image *im = &c->image;
+    const int64_t width = span_of(im->out_w, w->stride_x) + span_of(w->kw, w->dilation_x) - 1,
+                  line = width * im->in_c, over = room / line - span_of(w->kh, w->dilation_y),
+                  rows = over < 0 ? 0 : over / w->stride_y + 1;
+    if (rows < (im->out_h < BAND_LEAST ? im->out_h : BAND_LEAST)) {
+        b->out_rows = 0;
+        return;
+    }
+    b->bytes = from;
+    b->out_rows = (int32_t)between(rows, 0, im->out_h);
+    b->line = line;
+    b->first = w->pad_left < 0 ? -w->pad_left : 0;
+    b->left = (int32_t)between(w->pad_left, 0, width);
+    b->columns = (int32_t)between(im->in_w - b->first, 0, width - b->left);
+    b->right = (int32_t)(width - b->left - b->columns);
+}
+
+/* Pixels of an image to pixels without gap, in pieces of 16 bytes: up to 15 bytes past a pixel are
+ * read (tensors have slack) and written (what follows is written later). */
+static void copy_pixels(const struct fv_op_image *im, const uint8_t *from, uint8_t *to,
+                        int32_t count)
+{
+    for (int32_t x = 0; x < count; x++, from += im->in_stride, to += im->in_c) {
+        for (int32_t i = 0; i < im->in_c; i += 16)
+            memcpy(to + i, from + i, 16);
+    }
+}
+
+/* The inputs of `rows` output rows of an image, from y on. */
+static void fill_band(const struct band *b, const struct fv_op_conv *c, const uint8_t *image,
+                      int32_t y, int32_t rows)
+{
+    const struct fv_op_window *w = &c->window;
+    const struct fv_op_image *im = &c->image;
+    const ptrdiff_t left = (ptrdiff_t)b->left * im->in_c, width = (ptrdiff_t)b->columns * im->in_c;
+    const int32_t first = y * w->stride_y - w->pad_top,
+                  count = (rows - 1) * w->stride_y + (w->kh - 1) * w->dilation_y + 1;
+    uint8_t *to = b->bytes;
+    for (int32_t iy = first; iy < first + count; iy++, to += b->line) {
+        if (iy < 0 || iy >= im->in_h) {
+            memset(to, c->zero_in, (size_t)b->line);
+            continue;
+        }
+        const uint8_t *from = image + ((ptrdiff_t)iy * im->in_w + b->first) * im->in_stride;
+        memset(to, c->zero_in, (size_t)left);
+        if (im->in_stride == im->in_c) {
+            memcpy(to + left, from, (size_t)width);
+        } else {
+            copy_pixels(im, from, to + left, b->columns);
+        }
+        memset(to + left + width, c->zero_in, (size_t)(b->line - left - width));
+    }
+}
+
+static uint8_t *align(uint8_t *at)
+{
+    return at + (64 - (uintptr_t)at % 64) % 64;
+}
+
+/* Groups of inputs of `taps` pixels each. Cuts the scratch into weights that begin with a group, if
+ * needed, offsets, and rows of pixels at borders, or a band; 0 where it is too small, or where
+ * padding costs too much. */
+static int cut_scratch(struct apart *a, const struct fv_nn_gemm *gemm, int32_t taps, int is_band)
+{
+    const struct fv_nn_call *call = a->g->call;
+    const struct fv_op_conv *c = a->g->c;
+    const struct fv_op_image *im = &c->image;
+    const int32_t run = taps * im->in_c,
+                  k4 = c->window.kh * (c->window.kw / taps) * ((run + 3) / 4);
     const int padded = run % 4 != 0 && run != gemm->k;
     const int64_t weights = padded ? (int64_t)(gemm->n + 15) / 16 * 64 * k4 : 0,
-                  used = weights + 4 * ((int64_t)k4 + gemm->k4);
-    const int64_t room = (call->model->tensors[call->op->scratch].bytes - used - 64) / pitch;
-    if (k4 > gemm->k4 * 3 / 2 || room < BORDERS_LEAST) return 0;
-    a->g = g;
-    a->pitch = pitch;
-    a->inside.call = a->borders.call = call;
-    a->inside.gemm = a->borders.gemm = *gemm;
-    a->inside.count = a->borders.count = 0;
-    a->inside.most = PIXELS;
-    a->borders.most = room < PIXELS ? (int32_t)room : PIXELS;
+                  used = weights + 4 * ((int64_t)k4 + gemm->k4) + 64,
+                  room = call->model->tensors[call->op->scratch].bytes - used - 64;
+    if (k4 > gemm->k4 * 3 / 2 || room < BORDERS_LEAST * a->pitch) return 0;
     a->inside.offsets = (int32_t *)(void *)(call->scratch + weights);
     a->borders.offsets = a->inside.offsets + k4;
-    a->rows = (uint8_t *)(a->borders.offsets + gemm->k4);
-    set_offsets(g->c, taps, a->inside.offsets);
+    a->rows = align((uint8_t *)(a->borders.offsets + gemm->k4));
+    a->room = (int32_t)between(room / a->pitch, 0, PIXELS);
+    if (is_band) {
+        init_band(&a->band, c, a->rows, room);
+        if (a->band.out_rows == 0) return 0;
+    }
+    set_offsets(c, taps, is_band ? im->in_c : im->in_stride,
+                is_band ? (int32_t)a->band.line : im->in_w * im->in_stride, a->inside.offsets);
     for (int32_t i = 0; i < gemm->k4; i++)
         a->borders.offsets[i] = 4 * i;
     if (padded) {
@@ -139,21 +230,44 @@ static int init_apart(struct apart *a, const struct fv_nn_gathering *g,
         a->inside.gemm.weights = (const int8_t *)call->scratch;
         a->inside.gemm.k4 = k4;
     }
+    a->rest.gemm = a->inside.gemm;
+    a->rest.offsets = a->inside.offsets;
     return 1;
+}
+
+static int init_apart(struct apart *a, const struct fv_nn_gathering *g,
+                      const struct fv_nn_gemm *gemm, ptrdiff_t pitch)
+{
+    const struct fv_op_window *w = &g->c->window;
+    const struct fv_op_image *im = &g->c->image;
+    const int32_t taps = w->dilation_x == 1 ? w->kw : 1;
+    *a = (struct apart){.g = g, .pitch = pitch};
+    a->inside.call = a->rest.call = a->borders.call = g->call;
+    a->inside.gemm = a->borders.gemm = *gemm;
+    a->step = (ptrdiff_t)w->stride_x * im->in_c;
+    if (cut_scratch(a, gemm, taps, 1)) return 1;
+    a->step = (ptrdiff_t)w->stride_x * im->in_stride;
+    return find_inside(a, g->c) && cut_scratch(a, gemm, im->in_stride == im->in_c ? taps : 1, 0);
+}
+
+static void flush_borders(struct apart *a)
+{
+    flush(&a->borders);
+    a->gathered = 0;
 }
 
 /* `count` pixels of output row `row`, from column x on, whose rows are gathered. */
 static void add_borders(struct apart *a, int32_t row, int32_t x, int32_t count, uint8_t *out)
 {
     const int32_t step = a->g->c->image.out_stride;
-    struct batch *b = &a->borders;
     for (int32_t some; count > 0; count -= some, x += some) {
-        some = room_of(b, count);
-        fv_nn_gather(a->g, row, x, some, a->rows + b->count * a->pitch, a->pitch);
-        for (int32_t i = 0; i < some; i++, b->count++) {
-            b->in[b->count] = a->rows + b->count * a->pitch;
-            b->out[b->count] = out + (ptrdiff_t)(x + i) * step;
-        }
+        if (a->gathered == a->room || a->borders.count == RUNS) flush_borders(a);
+        some = count < a->room - a->gathered ? count : a->room - a->gathered;
+        uint8_t *rows = a->rows + a->gathered * a->pitch;
+        fv_nn_gather(a->g, row, x, some, rows, a->pitch);
+        add_run(&a->borders,
+                &(struct fv_nn_rows){rows, out + (ptrdiff_t)x * step, a->pitch, step, some});
+        a->gathered += some;
     }
 }
 
@@ -161,39 +275,70 @@ static void add_borders(struct apart *a, int32_t row, int32_t x, int32_t count, 
 static void add_inside(struct apart *a, const uint8_t *corner, int32_t x, int32_t count,
                        uint8_t *out)
 {
-    const struct fv_op_image *im = &a->g->c->image;
-    const ptrdiff_t step = (ptrdiff_t)a->g->c->window.stride_x * im->in_stride;
-    struct batch *b = &a->inside;
-    for (int32_t some; count > 0; count -= some, x += some) {
-        some = room_of(b, count);
-        const uint8_t **in = b->in + b->count, *from = corner + x * step;
-        uint8_t **to = b->out + b->count, *at = out + (ptrdiff_t)x * im->out_stride;
-        for (int32_t i = 0; i < some; i++) {
-            in[i] = from + i * step;
-            to[i] = at + (ptrdiff_t)i * im->out_stride;
-        }
-        b->count += some;
-    }
+    const ptrdiff_t step = a->g->c->image.out_stride;
+    const int32_t fours = a->inside.gemm.n <= 16 ? count / 4 * 4 : count;
+    struct fv_nn_rows run = {corner + x * a->step, out + x * step, a->step, step, fours};
+    if (fours > 0) add_run(&a->inside, &run);
+    run.in += fours * a->step;
+    run.out += fours * step;
+    run.count = count - fours;
+    if (run.count > 0) add_run(&a->rest, &run);
 }
 
+static uint8_t *row_of(const struct apart *a, int32_t row)
+{
+    const struct fv_op_conv *c = a->g->c;
+    return a->g->call->out[0] + c->out_first +
+           (ptrdiff_t)row * (c->out_row != 0 ? c->out_row : c->image.out_w * c->image.out_stride);
+}
+
+static const uint8_t *image_of(const struct apart *a, int32_t row)
+{
+    const struct fv_op_image *im = &a->g->c->image;
+    return a->g->call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * im->in_w * im->in_stride;
+}
+
+/* An output row whose inputs are read from the image itself. */
 static void add_row(struct apart *a, int32_t row)
 {
     const struct fv_op_conv *c = a->g->c;
     const struct fv_op_image *im = &c->image;
     const int32_t y = row % im->out_h;
-    uint8_t *out = a->g->call->out[0] + c->out_first +
-                   (ptrdiff_t)row * (c->out_row != 0 ? c->out_row : im->out_w * im->out_stride);
+    uint8_t *out = row_of(a, row);
     if (y < a->begin_y || y >= a->end_y) {
         add_borders(a, row, 0, im->out_w, out);
         return;
     }
-    const ptrdiff_t iy =
-        (ptrdiff_t)(row / im->out_h) * im->in_h + y * c->window.stride_y - c->window.pad_top;
-    const uint8_t *corner = a->g->call->in[0] + iy * im->in_w * im->in_stride -
-                            (ptrdiff_t)c->window.pad_left * im->in_stride;
+    const ptrdiff_t iy = (ptrdiff_t)y * c->window.stride_y - c->window.pad_top;
+    const uint8_t *corner = image_of(a, row) + (iy * im->in_w - c->window.pad_left) * im->in_stride;
     add_borders(a, row, 0, a->begin_x, out);
     add_inside(a, corner, a->begin_x, a->end_x - a->begin_x, out);
     add_borders(a, row, a->end_x, im->out_w - a->end_x, out);
+}
+
+static void run_in_place(struct apart *a, int32_t begin, int32_t end)
+{
+    for (int32_t row = begin; row < end; row++)
+        add_row(a, row);
+    flush(&a->inside);
+    flush(&a->rest);
+    flush_borders(a);
+}
+
+static void run_in_bands(struct apart *a, int32_t begin, int32_t end)
+{
+    const struct fv_op_conv *c = a->g->c;
+    const ptrdiff_t step = c->window.stride_y * a->band.line;
+    for (int32_t row = begin, rows; row < end; row += rows) {
+        const int32_t y = row % c->image.out_h,
+                      left = end - row < c->image.out_h - y ? end - row : c->image.out_h - y;
+        rows = left < a->band.out_rows ? left : a->band.out_rows;
+        fill_band(&a->band, c, image_of(a, row), y, rows);
+        for (int32_t i = 0; i < rows; i++)
+            add_inside(a, a->band.bytes + i * step, 0, c->image.out_w, row_of(a, row + i));
+        flush(&a->inside);
+        flush(&a->rest);
+    }
 }
 
 /* Whether all shifts are below zero, as the fast variants want them. */
@@ -210,11 +355,11 @@ int fv_nn_conv_apart(const struct fv_nn_gathering *g, const struct fv_nn_gemm *g
 {
     struct apart a;
     if (g->call->kernels->nn_apart_u8 == fv_k_nn_apart_u8__c || gemm->row_sum_factor != 0 ||
-        !are_down(gemm) || !find_inside(&a, g->c) || !init_apart(&a, g, gemm, pitch))
+        !are_down(gemm) || !init_apart(&a, g, gemm, pitch))
         return 0;
-    for (int32_t row = begin; row < end; row++)
-        add_row(&a, row);
-    flush(&a.inside);
-    flush(&a.borders);
+    if (a.band.out_rows > 0)
+        run_in_bands(&a, begin, end);
+    else
+        run_in_place(&a, begin, end);
     return 1;
 }

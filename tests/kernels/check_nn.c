@@ -159,9 +159,9 @@ void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
 void check_nn_apart_u8(struct check *check, fv_k_nn_apart_u8_fn *reference,
                        fv_k_nn_apart_u8_fn *variant)
 {
-    enum { SPAN = 3000, MOST = 100, ROWS = 160, GROUPS = 60 };
+    enum { SPAN = 4000, MOST = 100, ROWS = 160, GROUPS = 60 };
     const int32_t k4 = check_between(check, 1, GROUPS), n = draw_channels(check);
-    const int32_t m = check_between(check, 1, check_between(check, 0, 9) ? 40 : ROWS);
+    const int32_t m = check_between(check, 1, check_between(check, 0, 2) ? 40 : ROWS);
     struct fv_nn_gemm g = draw_gemm(check, 4 * k4, n);
     g.row_sum_factor = 0;
     check_draw_real(check, &g);
@@ -170,19 +170,27 @@ void check_nn_apart_u8(struct check *check, fv_k_nn_apart_u8_fn *reference,
     const ptrdiff_t ldo = n + check_between(check, 0, 1) * check_between(check, 0, 9);
     const size_t bytes = (size_t)((m - 1) * ldo + n);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
-    const uint8_t *in[ROWS];
-    uint8_t *expected_at[ROWS], *found_at[ROWS];
-    int32_t offsets[GROUPS];
+    struct fv_nn_rows rows[ROWS], found_rows[ROWS];
+    int32_t offsets[GROUPS], count = 0, most = check_between(check, 0, 1) ? ROWS : 20;
     for (int32_t i = 0; i < k4; i++)
         offsets[i] = check_between(check, -MOST, MOST - 4);
-    for (int32_t i = 0; i < m; i++) {
-        in[i] = a + MOST + check_between(check, 0, SPAN - 2 * MOST);
-        const int32_t to = i * 7 % m; /* each once, in another order where 7 does not divide m */
-        expected_at[i] = expected + (m % 7 == 0 ? i : to) * ldo;
-        found_at[i] = found + (m % 7 == 0 ? i : to) * ldo;
+    const ptrdiff_t step = check_between(check, -20, 20);
+    for (int32_t left = m; left > 0; left -= rows[count++].count) {
+        struct fv_nn_rows *r = &rows[count];
+        r->count = check_between(check, 1, left < most ? left : most);
+        if (check_between(check, 0, 1))
+            r->count = (r->count + 3) / 4 * 4 < left ? (r->count + 3) / 4 * 4 : left;
+        r->in_step = check_between(check, 0, 3) ? step : check_between(check, -20, 20);
+        const ptrdiff_t reach = (r->count - 1) * r->in_step, low = reach < 0 ? -reach : 0;
+        r->in = a + MOST + low +
+                check_between(check, 0, (int32_t)(SPAN - 2 * MOST - (reach < 0 ? -reach : reach)));
+        r->out_step = check_between(check, 0, 3) ? ldo : -ldo;
+        r->out = expected + (r->out_step < 0 ? left - 1 : left - r->count) * ldo;
+        found_rows[count] = *r;
+        found_rows[count].out += found - expected;
     }
-    reference(&g, in, offsets, expected_at, m);
-    variant(&g, in, offsets, found_at, m);
+    reference(&g, offsets, rows, count);
+    variant(&g, offsets, found_rows, count);
     check_equal(check, "out", expected, found, bytes);
 }
 
@@ -237,16 +245,10 @@ void bench_nn_apart_u8(struct check *check, fv_k_nn_apart_u8_fn *variant)
 {
     enum { M = 361, K = 256 };
     const struct bench_gemm *b = bench_gemm_inputs(check);
-    const uint8_t *in[M];
-    uint8_t *out[M];
     int32_t offsets[K / 4];
     for (int32_t i = 0; i < K / 4; i++)
         offsets[i] = 4 * i;
-    for (int32_t i = 0; i < M; i++) {
-        in[i] = b->a + i * K;
-        out[i] = bench_scratch() + i * 256;
-    }
-    variant(&b->g, in, offsets, out, M);
+    variant(&b->g, offsets, &(struct fv_nn_rows){b->a, bench_scratch(), K, 256, M}, 1);
 }
 
 void bench_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *variant)

@@ -78,14 +78,17 @@ static void accumulate_apart(const struct fv_nn_gemm *g, const uint8_t *in, cons
         add_four(acc, in + offsets[j], w + (ptrdiff_t)j * 4 * BLOCK);
 }
 
-void fv_k_nn_apart_u8__c(const struct fv_nn_gemm *g, const uint8_t *const *in,
-                         const int32_t *offsets, uint8_t *const *out, int32_t m)
+void fv_k_nn_apart_u8__c(const struct fv_nn_gemm *g, const int32_t *offsets,
+                         const struct fv_nn_rows *rows, int32_t count)
 {
     uint32_t acc[BLOCK];
-    for (int32_t i = 0; i < m; i++) {
-        for (int32_t c = 0; c < g->n; c++) {
-            if (c % BLOCK == 0) accumulate_apart(g, in[i], offsets, c / BLOCK, acc);
-            out[i][c] = output_of(g, (int32_t)acc[c % BLOCK], c);
+    for (const struct fv_nn_rows *r = rows; r < rows + count; r++) {
+        for (int32_t i = 0; i < r->count; i++) {
+            const uint8_t *in = r->in + i * r->in_step;
+            for (int32_t c = 0; c < g->n; c++) {
+                if (c % BLOCK == 0) accumulate_apart(g, in, offsets, c / BLOCK, acc);
+                r->out[i * r->out_step + c] = output_of(g, (int32_t)acc[c % BLOCK], c);
+            }
         }
     }
 }

@@ -35,11 +35,21 @@ struct fv_nn_gemm {
 typedef void fv_k_nn_gemm_u8_fn(const struct fv_nn_gemm *gemm, const uint8_t *a, ptrdiff_t lda,
                                 uint8_t *out, ptrdiff_t ldo, int32_t m);
 
-/* The same product of rows whose inputs lie apart, in groups of four: group j of row i from in[i] +
- * offsets[j] on, j < k4, with k = 4 k4 and row_sum_factor 0; its outputs go to out[i]. Reads
- * nothing else. Where it has no variant but C, it is faster to gather the rows for nn_gemm_u8. */
-typedef void fv_k_nn_apart_u8_fn(const struct fv_nn_gemm *gemm, const uint8_t *const *in,
-                                 const int32_t *offsets, uint8_t *const *out, int32_t m);
+/* Rows at equal distances: row i begins at `in + i in_step`, its outputs at `out + i out_step`. */
+struct fv_nn_rows {
+    const uint8_t *in;
+    uint8_t *out;
+    ptrdiff_t in_step, out_step;
+    int32_t count; /* at least 1 */
+};
+
+/* The same product of rows whose inputs lie apart, in groups of four: group j from the row's begin
+ * + offsets[j] on, j < k4, with k = 4 k4 and row_sum_factor 0. `rows`: `count` of them, at least 1.
+ * Reads nothing else. Where it has no variant but C, it is faster to gather the rows for
+ * nn_gemm_u8.
+ */
+typedef void fv_k_nn_apart_u8_fn(const struct fv_nn_gemm *gemm, const int32_t *offsets,
+                                 const struct fv_nn_rows *rows, int32_t count);
 
 /* The accumulators themselves: out[i ldo + c] for c < n rounded up to 16, without requantisation.
  * Reads as above. */

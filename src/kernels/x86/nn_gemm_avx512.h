@@ -23,42 +23,84 @@ static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
     }
 }
 
+/* The tile at row `at` of a chunk. */
+FV_INLINE void do_tile(struct tile_job *j, const struct store_job *s, const struct chunk *c,
+                       int32_t at, const int ROWS, const int BLOCKS, const int APART,
+                       const int above)
+{
+    j->in = c->in + at;
+    j->row_sums = c->sums == NULL ? NULL : c->sums + at;
+    j->out = c->out + at;
+    j->rows = c->m - at < ROWS ? c->m - at : ROWS;
+    tile_u8(j, s, ROWS, BLOCKS, APART, above);
+}
+
+/* Where the tile for rows from `i` on begins: the last one of `m` overlaps the one before. */
+FV_INLINE int32_t tile_at(int32_t i, int32_t m, const int ROWS)
+{
+    return i + ROWS > m && m >= ROWS ? m - ROWS : i;
+}
+
 FV_INLINE void column_u8(struct tile_job *j, const struct store_job *s, const struct chunk *c,
                          const int ROWS, const int BLOCKS, const int APART, const int above)
 {
-    const int32_t m = c->m;
-    for (int32_t i = 0; i < m; i += ROWS) {
-        const int32_t at =
-            i + ROWS > m && m >= ROWS ? m - ROWS : i; /* the last tile overlaps the one before */
-        j->in = c->in + at;
-        j->row_sums = c->sums == NULL ? NULL : c->sums + at;
-        j->out = c->out + at;
-        j->rows = m - at < ROWS ? m - at : ROWS;
-        tile_u8(j, s, ROWS, BLOCKS, APART, above);
+    for (int32_t i = 0; i < c->m; i += ROWS)
+        do_tile(j, s, c, tile_at(i, c->m, ROWS), ROWS, BLOCKS, APART, above);
+}
+
+/* Whether rows follow each other by fours at one distance: `steps` has 0 to 3 of it, twice. */
+FV_INLINE int are_fours(const uint8_t *const *in, __m512i steps, const int ROWS)
+{
+    __mmask8 equal = 0xFF;
+    for (int i = 0; i < ROWS; i += 8) {
+        const __m512i at = _mm512_loadu_si512(in + i);
+        equal &= _mm512_cmpeq_epi64_mask(at, _mm512_add_epi64(_mm512_permutex_epi64(at, 0), steps));
+    }
+    return equal == 0xFF;
+}
+
+/* One block: tiles of ROWS rows by fours, and of 12 rows where these are none. */
+FV_INLINE void column_by_fours(struct tile_job *j, const struct store_job *s, const struct chunk *c,
+                               const int ROWS, const int APART, const int above)
+{
+    const int64_t step = c->in[1] - c->in[0];
+    const __m512i steps =
+        _mm512_setr_epi64(0, step, 2 * step, 3 * step, 0, step, 2 * step, 3 * step);
+    for (int32_t i = 0; i < c->m;) {
+        const int32_t at = tile_at(i, c->m, ROWS);
+        if (c->m >= ROWS && are_fours(c->in + at, steps, ROWS)) {
+            do_tile(j, s, c, at, ROWS, 1, APART, above);
+            i += ROWS;
+        } else {
+            do_tile(j, s, c, tile_at(i, c->m, 12), 12, 1, APART, above);
+            i += 12;
+        }
     }
 }
 
-#define COLUMN(rows, blocks)                                                                       \
-    static __attribute__((noinline)) void column_##rows##x##blocks(                                \
-        struct tile_job *j, const struct store_job *s, const struct chunk *c)                      \
+/* The four variants of a column of tiles. */
+#define COLUMN_BY(name, way, ...)                                                                  \
+    static __attribute__((noinline)) void name(struct tile_job *j, const struct store_job *s,      \
+                                               const struct chunk *c)                              \
     {                                                                                              \
         const int above = j->g->act_min >= j->g->zero_out, apart = j->offsets != NULL;             \
         if (apart && above)                                                                        \
-            column_u8(j, s, c, rows, blocks, 1, 1);                                                \
+            way(j, s, c, __VA_ARGS__, 1, 1);                                                       \
         else if (apart)                                                                            \
-            column_u8(j, s, c, rows, blocks, 1, 0);                                                \
+            way(j, s, c, __VA_ARGS__, 1, 0);                                                       \
         else if (above)                                                                            \
-            column_u8(j, s, c, rows, blocks, 0, 1);                                                \
+            way(j, s, c, __VA_ARGS__, 0, 1);                                                       \
         else                                                                                       \
-            column_u8(j, s, c, rows, blocks, 0, 0);                                                \
+            way(j, s, c, __VA_ARGS__, 0, 0);                                                       \
     }
+#define COLUMN(rows, blocks) COLUMN_BY(column_##rows##x##blocks, column_u8, rows, blocks)
 COLUMN(6, 4)
 COLUMN(2, 4)
 COLUMN(8, 3)
 COLUMN(2, 3)
 COLUMN(12, 2)
 COLUMN(2, 2)
-COLUMN(12, 1)
+COLUMN_BY(column_fours, column_by_fours, 16)
 COLUMN(2, 1)
 
 static inline void column(int32_t blocks, struct tile_job *j, const struct store_job *s,
@@ -72,7 +114,7 @@ static inline void column(int32_t blocks, struct tile_job *j, const struct store
     else if (blocks == 2)
         (few ? column_2x2 : column_12x2)(j, s, c);
     else
-        (few ? column_2x1 : column_12x1)(j, s, c);
+        (few ? column_2x1 : column_fours)(j, s, c);
 }
 
 /* Blocks for the next column of tiles: fours, and what is left in equal parts. */
@@ -151,8 +193,8 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
     struct store_job s;
     struct pairs pairs;
     const int paired = m >= PAIR_ROWS && find_pairs(&pairs, g, NULL);
-    const uint8_t *from[CHUNK_ROWS_MAX];
-    uint8_t *to[CHUNK_ROWS_MAX];
+    const uint8_t *from[CHUNK_ROWS_MAX + 8];
+    uint8_t *to[CHUNK_ROWS_MAX + 8];
     int32_t sums[CHUNK_ROWS_MAX] = {0};
     const int has_sums = g->row_sum_factor != 0;
     init_store(&s, g);
@@ -172,28 +214,52 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
     }
 }
 
-static inline void apart_u8(const struct fv_nn_gemm *g, const uint8_t *const *in,
-                            const int32_t *offsets, uint8_t *const *out, int32_t m)
+/* Rows that are left to do: from row `done` of the first on. */
+struct rows_left {
+    const struct fv_nn_rows *rows;
+    int32_t done;
+};
+
+/* Addresses of the next `count` rows, up to 7 more than there are. */
+static inline void list_apart(struct rows_left *l, int32_t count, const uint8_t **in, uint8_t **out)
+{
+    for (int32_t i = 0, some; i < count; i += some) {
+        const struct fv_nn_rows *r = l->rows;
+        some = r->count - l->done < count - i ? r->count - l->done : count - i;
+        list_rows((void *)(in + i), r->in + l->done * r->in_step, r->in_step, some);
+        list_rows((void *)(out + i), r->out + l->done * r->out_step, r->out_step, some);
+        l->done += some;
+        if (l->done < r->count) continue;
+        l->done = 0;
+        l->rows++;
+    }
+}
+
+static inline void apart_u8(const struct fv_nn_gemm *g, const int32_t *offsets,
+                            const struct fv_nn_rows *rows, int32_t count)
 {
     if (!all_down(g->multiplier, g->shift, g->n)) {
-        fv_k_nn_apart_u8__c(g, in, offsets, out, m);
+        fv_k_nn_apart_u8__c(g, offsets, rows, count);
         return;
     }
     struct tile_job j = {.g = g, .offsets = offsets};
     struct store_job s;
     struct pairs pairs;
+    struct rows_left left = {rows, 0};
+    const uint8_t *in[CHUNK_ROWS_MAX + 8];
+    uint8_t *out[CHUNK_ROWS_MAX + 8];
+    int32_t m = 0;
+    for (int32_t i = 0; i < count; i++)
+        m += rows[i].count;
     const int paired = m >= PAIR_ROWS && find_pairs(&pairs, g, offsets);
-    const uint8_t *few[TILE_ROWS_MAX];
     init_store(&s, g);
-    if (m < TILE_ROWS_MAX) {
-        for (int32_t r = 0; r < TILE_ROWS_MAX; r++)
-            few[r] = in[r < m ? r : m - 1];
-        in = few;
-    }
-    for (int32_t i = 0, rows; i < m; i += rows) {
-        rows = next_rows(m - i);
+    for (int32_t some; m > 0; m -= some) {
+        some = next_rows(m);
+        list_apart(&left, some, in, out);
+        for (int32_t r = some; r < TILE_ROWS_MAX; r++) /* read in place of what is not there */
+            in[r] = in[some - 1];
         const struct chunk chunk = {
-            .in = in + i, .out = out + i, .pairs = paired ? &pairs : NULL, .m = rows};
+            .in = in, .out = out, .pairs = paired ? &pairs : NULL, .m = some};
         columns(&j, &s, &chunk);
     }
 }

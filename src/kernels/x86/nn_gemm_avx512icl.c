@@ -6,8 +6,8 @@ void fv_k_nn_gemm_u8__avx512icl(const struct fv_nn_gemm *g, const uint8_t *a, pt
     gemm_u8(g, a, lda, out, ldo, m);
 }
 
-void fv_k_nn_apart_u8__avx512icl(const struct fv_nn_gemm *g, const uint8_t *const *in,
-                                 const int32_t *offsets, uint8_t *const *out, int32_t m)
+void fv_k_nn_apart_u8__avx512icl(const struct fv_nn_gemm *g, const int32_t *offsets,
+                                 const struct fv_nn_rows *rows, int32_t count)
 {
-    apart_u8(g, in, offsets, out, m);
+    apart_u8(g, offsets, rows, count);
 }

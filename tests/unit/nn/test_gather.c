@@ -35,16 +35,23 @@ static void take_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t ld
 }
 
 /* Likewise in place of the product of inputs that lie apart: takes those with a weight. */
-static void take_apart(const struct fv_nn_gemm *g, const uint8_t *const *in, const int32_t *offsets,
-                       uint8_t *const *to, int32_t m)
+static void take_row_apart(const struct fv_nn_gemm *g, const int32_t *offsets, const uint8_t *in,
+                           ptrdiff_t to)
 {
-    for (int32_t i = 0; i < m; i++) {
-        uint8_t *row = found[to[i] - out];
-        for (int32_t k = 0; k < 4 * g->k4; k++) {
-            if (g->weights[k / 4 * 64 + k % 4] != 0) *row++ = in[i][offsets[k / 4] + k % 4];
-        }
-        assert_int_equal(row - found[to[i] - out], g->k);
-        times[to[i] - out]++;
+    uint8_t *row = found[to];
+    for (int32_t k = 0; k < 4 * g->k4; k++) {
+        if (g->weights[k / 4 * 64 + k % 4] != 0) *row++ = in[offsets[k / 4] + k % 4];
+    }
+    assert_int_equal(row - found[to], g->k);
+    times[to]++;
+}
+
+static void take_apart(const struct fv_nn_gemm *g, const int32_t *offsets,
+                       const struct fv_nn_rows *rows, int32_t count)
+{
+    for (const struct fv_nn_rows *r = rows; r < rows + count; r++) {
+        for (int32_t i = 0; i < r->count; i++)
+            take_row_apart(g, offsets, r->in + i * r->in_step, r->out + i * r->out_step - out);
     }
 }
 
@@ -64,10 +71,10 @@ static struct fv_op_conv draw_conv(void)
                                    .dilation_y = draw(0, 3) == 0 ? 2 : 1,
                                    .dilation_x = draw(0, 3) == 0 ? 2 : 1,
                                    .pad_top = draw(0, 3),
-                                   .pad_left = draw(0, 3)};
+                                   .pad_left = draw(-2, 3)};
     const int32_t channels = draw(1, 20),
                   most = draw(0, 3) == 0 ? 6 : SIDE_MAX; /* often smaller than the kernel */
-    struct fv_op_image im = {.batch = 1,
+    struct fv_op_image im = {.batch = draw(1, 2),
                              .in_h = draw(1, 12),
                              .in_w = draw(1, most),
                              .in_c = channels,
@@ -75,7 +82,7 @@ static struct fv_op_conv draw_conv(void)
                              .out_h = draw(1, 12),
                              .out_c = 1,
                              .out_stride = 1};
-    im.out_w = draw(1, (im.in_w + 2 * w.pad_left) / w.stride_x + 1);
+    im.out_w = draw(1, (im.in_w + 2 * (w.pad_left < 0 ? 0 : w.pad_left)) / w.stride_x + 1);
     return (struct fv_op_conv){
         .image = im,
         .window = w,
@@ -86,24 +93,35 @@ static struct fv_op_conv draw_conv(void)
     };
 }
 
-static uint8_t input_at(const struct fv_op_conv *c, int32_t y, int32_t x, int32_t channel)
+static uint8_t input_at(const struct fv_op_conv *c, int32_t n, int32_t y, int32_t x,
+                        int32_t channel)
 {
     const struct fv_op_image *im = &c->image;
     return y < 0 || y >= im->in_h || x < 0 || x >= im->in_w
                ? ZERO
-               : image[(y * im->in_w + x) * im->in_stride + channel];
+               : image[((n * im->in_h + y) * im->in_w + x) * im->in_stride + channel];
 }
 
-static void check_pixel(const struct fv_op_conv *c, int32_t y, int32_t x)
+/* `row`: of output pixels, counted over all images. */
+static void check_pixel(const struct fv_op_conv *c, int32_t row, int32_t x)
 {
     const struct fv_op_window *w = &c->window;
-    const uint8_t *row = found[y * c->image.out_w + x];
+    const int32_t n = row / c->image.out_h, iy = row % c->image.out_h * w->stride_y - w->pad_top,
+                  ix = x * w->stride_x - w->pad_left;
+    const uint8_t *inputs = found[row * c->image.out_w + x];
     for (int32_t ky = 0; ky < w->kh; ky++)
         for (int32_t kx = 0; kx < w->kw; kx++)
             for (int32_t channel = 0; channel < c->image.in_c; channel++)
-                assert_int_equal(
-                    *row++, input_at(c, y * w->stride_y - w->pad_top + ky * w->dilation_y,
-                                     x * w->stride_x - w->pad_left + kx * w->dilation_x, channel));
+                assert_int_equal(*inputs++, input_at(c, n, iy + ky * w->dilation_y,
+                                                     ix + kx * w->dilation_x, channel));
+}
+
+/* All that was used of the scratch is cleared, and nothing past its end was touched. */
+static void check_scratch(void)
+{
+    const size_t end = (size_t)scratch_record.bytes;
+    for (size_t i = 0; i < sizeof scratch; i++)
+        assert_int_equal(scratch[i], i < end ? 0 : ZERO);
 }
 
 /* A weight of one for each of the k inputs of the channel; the scratch that the loader asks for. */
@@ -138,14 +156,17 @@ static void rows_hold_the_inputs_of_their_pixels(void **state)
                                         .out = {out},
                                         .scratch = scratch};
         memset(times, 0, sizeof times);
-        const int32_t half = draw(0, im->out_h);
+        memset(scratch, 0, sizeof scratch);
+        memset(scratch + scratch_record.bytes, ZERO, sizeof scratch - (size_t)scratch_record.bytes);
+        const int32_t rows = im->batch * im->out_h, half = draw(0, rows);
         fv_nn_op_conv(&call, 0, half);
-        fv_nn_op_conv(&call, half, im->out_h);
-        for (int32_t y = 0; y < im->out_h; y++)
+        fv_nn_op_conv(&call, half, rows);
+        for (int32_t y = 0; y < rows; y++)
             for (int32_t x = 0; x < im->out_w; x++) {
                 assert_int_equal(times[y * im->out_w + x], 1);
                 check_pixel(&op.u.conv, y, x);
             }
+        check_scratch();
     }
 }
 
