@@ -15,7 +15,7 @@
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx512.h"
 
-enum { STEPS_MAX = 20, COLUMNS_MAX = 72, PHASES_MAX = 3 };
+enum { STEPS_MAX = 20, HELD_STEPS_MAX = 3, COLUMNS_MAX = 72, PHASES_MAX = 3 };
 
 /* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel
  * rows, one kernel column. */
@@ -138,14 +138,40 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     l->clamp = clamp_of(d->zero_out, d->act_min, d->act_max);
 }
 
-FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, const __m512i acc[4],
-                      uint8_t *out, __mmask64 mask, const int above)
+/* What stays in registers over a row of outputs: as stores of bytes may change anything in memory,
+ * compilers would load it again for each. */
+struct held {
+    __m512i weights[HELD_STEPS_MAX][4];
+    struct real16 real[4];
+};
+
+FV_INLINE void hold(struct held *h, const struct lanes *l, const int STEPS)
+{
+#pragma GCC unroll 4
+    for (int q = 0; q < 4; q++) {
+        h->real[q] = l->real[q];
+#pragma GCC unroll 3
+        for (int s = 0; s < STEPS && s < HELD_STEPS_MAX; s++)
+            h->weights[s][q] = l->weights[s][q];
+    }
+}
+
+/* The weights of a step: held, if they can be. */
+FV_INLINE __m512i weights_of(const struct held *h, const struct lanes *l, int s, int q,
+                             const int STEPS)
+{
+    return STEPS <= HELD_STEPS_MAX ? h->weights[s][q] : l->weights[s][q];
+}
+
+FV_INLINE void finish(const struct real16 real[4], const struct lanes *l,
+                      const struct fv_nn_depthwise *d, const __m512i acc[4], uint8_t *out,
+                      __mmask64 mask, const int above)
 {
     __m512i r[4];
     if (l->is_real) {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
-            r[q] = requantize_real(acc[q], &l->real[q], above);
+            r[q] = requantize_real(acc[q], &real[q], above);
     } else {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
@@ -197,18 +223,24 @@ FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise
                              const uint8_t *scratch, int32_t columns, int32_t outputs, uint8_t *out,
                              const int KW, const int GROUPS, const int PLANES, const int above)
 {
-    for (int32_t x = 0; x < outputs; x++, out += d->out_stride) {
+    const int STEPS = PLANES * GROUPS * KW;
+    const ptrdiff_t step = (ptrdiff_t)d->stride_x * 256, column = (ptrdiff_t)d->dilation_x * 256,
+                    out_step = d->out_stride;
+    const __mmask64 mask = l->mask;
+    struct held h;
+    hold(&h, l, STEPS);
+    for (int32_t x = 0; x < outputs; x++, out += out_step, scratch += step) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
-        for (int s = 0; s < PLANES * GROUPS * KW; s++) {
-            const int kx = s % KW, g = s / KW % GROUPS;
+#pragma GCC unroll 3
+        for (int s = 0; s < STEPS; s++) {
             const uint8_t *from =
-                scratch + ((ptrdiff_t)g * columns + x * d->stride_x + kx * d->dilation_x) * 256;
+                scratch + (ptrdiff_t)(s / KW % GROUPS) * columns * 256 + s % KW * column;
 #pragma GCC unroll 4
             for (int q = 0; q < 4; q++)
-                acc[q] =
-                    _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q), l->weights[s][q]);
+                acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q),
+                                             weights_of(&h, l, s, q, STEPS));
         }
-        finish(l, d, acc, out, l->mask, above);
+        finish(h.real, l, d, acc, out, mask, above);
     }
 }
 
@@ -354,11 +386,49 @@ static inline void copy_phase(const struct fv_nn_depthwise *d, const uint8_t *ro
     memset(to + (ptrdiff_t)right * c, d->zero_in, (size_t)(count - right) * (size_t)c);
 }
 
+FV_INLINE void fill(uint8_t *to, int32_t value, ptrdiff_t bytes)
+{
+    const __m512i all = _mm512_set1_epi8((char)value);
+    for (; bytes > 0; bytes -= 64, to += 64)
+        _mm512_mask_storeu_epi8(to, bytes < 64 ? ~UINT64_C(0) >> (64 - bytes) : ~UINT64_C(0), all);
+}
+
+/* Every second column of a row of pixels without gap, and the others: 64 bytes are sorted at once.
+ * Up to 63 bytes past the last one are written, which others overwrite, or nobody reads. */
+static inline void copy_halves(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to,
+                               ptrdiff_t part)
+{
+    const __m512i order = d->channels == 8    ? _mm512_setr_epi64(0, 2, 4, 6, 1, 3, 5, 7)
+                          : d->channels == 16 ? _mm512_setr_epi64(0, 1, 4, 5, 2, 3, 6, 7)
+                                              : _mm512_setr_epi64(0, 1, 2, 3, 4, 5, 6, 7);
+    const int32_t all = (d->out_w - 1) * 2 + (d->kw - 1) * d->dilation_x + 1, c = d->channels,
+                  left = d->pad_left < all ? d->pad_left : all,
+                  right = left + d->in_w < all ? left + d->in_w : all;
+    uint8_t *first = to + left % 2 * part + (ptrdiff_t)(left / 2) * c,
+            *second = to + (1 - left % 2) * part + (ptrdiff_t)((left + 1) / 2) * c;
+    for (ptrdiff_t at = 0; at < (ptrdiff_t)(right - left) * c; at += 64) {
+        const __m512i v = _mm512_permutexvar_epi64(order, _mm512_loadu_si512(row + at));
+        _mm256_storeu_si256((__m256i *)(void *)(first + at / 2), _mm512_castsi512_si256(v));
+        _mm256_storeu_si256((__m256i *)(void *)(second + at / 2), _mm512_extracti64x4_epi64(v, 1));
+    }
+    for (int32_t phase = 0; phase < 2; phase++, to += part) {
+        const ptrdiff_t before = (left - phase + 1) / 2, end = (right - phase + 1) / 2,
+                        count = (all - phase + 1) / 2;
+        fill(to, d->zero_in, before * c);
+        fill(to + end * c, d->zero_in, (count - end) * c);
+    }
+}
+
 static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to,
                              ptrdiff_t part)
 {
     if (row == NULL) {
         memset(to, d->zero_in, (size_t)(part * d->stride_x));
+        return;
+    }
+    if (d->stride_x == 2 && d->in_stride == d->channels &&
+        (d->channels == 8 || d->channels == 16 || d->channels == 32)) {
+        copy_halves(d, row, to, part);
         return;
     }
     for (int32_t phase = 0; phase < d->stride_x; phase++)
@@ -372,12 +442,18 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
                             const int PLANES, const int above)
 {
     const __m512i none = _mm512_setzero_si512();
+    ptrdiff_t columns[STEPS_MAX];
+    struct held h;
+    hold(&h, l, PLANES * KW);
+    for (int kx = 0; kx < KW; kx++) {
+        const int32_t column = kx * d->dilation_x;
+        columns[kx] = column % d->stride_x * part + (ptrdiff_t)(column / d->stride_x) * d->channels;
+    }
     for (; j < total; j += step) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
+#pragma GCC unroll 3
         for (int kx = 0; kx < KW; kx++) {
-            const int32_t column = kx * d->dilation_x;
-            const ptrdiff_t at =
-                column % d->stride_x * part + (ptrdiff_t)(column / d->stride_x) * d->channels + j;
+            const ptrdiff_t at = columns[kx] + j;
             __m512i v[4];
             interleave(_mm512_loadu_si512(rows[0] + at),
                        KH > 1 ? _mm512_loadu_si512(rows[1] + at) : none,
@@ -386,11 +462,12 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
             for (int p = 0; p < PLANES; p++) {
 #pragma GCC unroll 4
                 for (int q = 0; q < 4; q++)
-                    acc[q] = _mm512_dpbusd_epi32(acc[q], v[q], l->weights[p * KW + kx][q]);
+                    acc[q] = _mm512_dpbusd_epi32(acc[q], v[q],
+                                                 weights_of(&h, l, p * KW + kx, q, PLANES * KW));
             }
         }
         const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
-        finish(l, d, acc, out + j, mask, above);
+        finish(h.real, l, d, acc, out + j, mask, above);
     }
 }
 
@@ -499,7 +576,7 @@ FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwis
             }
         }
         const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
-        finish(l, d, acc, out + j, mask, above);
+        finish(l->real, l, d, acc, out + j, mask, above);
     }
 }
 
