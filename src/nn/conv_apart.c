@@ -34,7 +34,7 @@ struct band {
 /* Pixels inside, and pixels at borders with room for their rows. */
 struct apart {
     const struct fv_nn_gathering *g;
-    struct batch inside, rest, borders;     /* `rest`: of runs inside that are no fours */
+    struct batch inside, borders;
     int32_t begin_x, end_x, begin_y, end_y; /* output pixels whose kernel lies inside the image */
     struct band band;
     uint8_t *rows;
@@ -230,8 +230,6 @@ static int cut_scratch(struct apart *a, const struct fv_nn_gemm *gemm, int32_t t
         a->inside.gemm.weights = (const int8_t *)call->scratch;
         a->inside.gemm.k4 = k4;
     }
-    a->rest.gemm = a->inside.gemm;
-    a->rest.offsets = a->inside.offsets;
     return 1;
 }
 
@@ -242,7 +240,7 @@ static int init_apart(struct apart *a, const struct fv_nn_gathering *g,
     const struct fv_op_image *im = &g->c->image;
     const int32_t taps = w->dilation_x == 1 ? w->kw : 1;
     *a = (struct apart){.g = g, .pitch = pitch};
-    a->inside.call = a->rest.call = a->borders.call = g->call;
+    a->inside.call = a->borders.call = g->call;
     a->inside.gemm = a->borders.gemm = *gemm;
     a->step = (ptrdiff_t)w->stride_x * im->in_c;
     if (cut_scratch(a, gemm, taps, 1)) return 1;
@@ -276,13 +274,8 @@ static void add_inside(struct apart *a, const uint8_t *corner, int32_t x, int32_
                        uint8_t *out)
 {
     const ptrdiff_t step = a->g->c->image.out_stride;
-    const int32_t fours = a->inside.gemm.n <= 16 ? count / 4 * 4 : count;
-    struct fv_nn_rows run = {corner + x * a->step, out + x * step, a->step, step, fours};
-    if (fours > 0) add_run(&a->inside, &run);
-    run.in += fours * a->step;
-    run.out += fours * step;
-    run.count = count - fours;
-    if (run.count > 0) add_run(&a->rest, &run);
+    add_run(&a->inside,
+            &(struct fv_nn_rows){corner + x * a->step, out + x * step, a->step, step, count});
 }
 
 static uint8_t *row_of(const struct apart *a, int32_t row)
@@ -321,7 +314,6 @@ static void run_in_place(struct apart *a, int32_t begin, int32_t end)
     for (int32_t row = begin; row < end; row++)
         add_row(a, row);
     flush(&a->inside);
-    flush(&a->rest);
     flush_borders(a);
 }
 
@@ -337,7 +329,6 @@ static void run_in_bands(struct apart *a, int32_t begin, int32_t end)
         for (int32_t i = 0; i < rows; i++)
             add_inside(a, a->band.bytes + i * step, 0, c->image.out_w, row_of(a, row + i));
         flush(&a->inside);
-        flush(&a->rest);
     }
 }
 

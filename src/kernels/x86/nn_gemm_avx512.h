@@ -4,6 +4,7 @@
 
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_gemm_pairs_avx512.h"
+#include "kernels/x86/nn_gemm_run_avx512.h"
 
 /* Factor times the sum of a row's k bytes, for each row of a chunk. */
 static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
@@ -48,60 +49,32 @@ FV_INLINE void column_u8(struct tile_job *j, const struct store_job *s, const st
         do_tile(j, s, c, tile_at(i, c->m, ROWS), ROWS, BLOCKS, APART, above);
 }
 
-/* Whether rows follow each other by fours at one distance: `steps` has 0 to 3 of it, twice. */
-FV_INLINE int are_fours(const uint8_t *const *in, __m512i steps, const int ROWS)
-{
-    __mmask8 equal = 0xFF;
-    for (int i = 0; i < ROWS; i += 8) {
-        const __m512i at = _mm512_loadu_si512(in + i);
-        equal &= _mm512_cmpeq_epi64_mask(at, _mm512_add_epi64(_mm512_permutex_epi64(at, 0), steps));
-    }
-    return equal == 0xFF;
-}
-
-/* One block: tiles of ROWS rows by fours, and of 12 rows where these are none. */
-FV_INLINE void column_by_fours(struct tile_job *j, const struct store_job *s, const struct chunk *c,
-                               const int ROWS, const int APART, const int above)
-{
-    const int64_t step = c->in[1] - c->in[0];
-    const __m512i steps =
-        _mm512_setr_epi64(0, step, 2 * step, 3 * step, 0, step, 2 * step, 3 * step);
-    for (int32_t i = 0; i < c->m;) {
-        const int32_t at = tile_at(i, c->m, ROWS);
-        if (c->m >= ROWS && are_fours(c->in + at, steps, ROWS)) {
-            do_tile(j, s, c, at, ROWS, 1, APART, above);
-            i += ROWS;
-        } else {
-            do_tile(j, s, c, tile_at(i, c->m, 12), 12, 1, APART, above);
-            i += 12;
-        }
-    }
-}
-
-/* The four variants of a column of tiles. */
-#define COLUMN_BY(name, way, ...)                                                                  \
+/* The four variants of a function over tiles. */
+#define VARIANTS(name, of, type, ...)                                                              \
     static __attribute__((noinline)) void name(struct tile_job *j, const struct store_job *s,      \
-                                               const struct chunk *c)                              \
+                                               const type *rows)                                   \
     {                                                                                              \
         const int above = j->g->act_min >= j->g->zero_out, apart = j->offsets != NULL;             \
         if (apart && above)                                                                        \
-            way(j, s, c, __VA_ARGS__, 1, 1);                                                       \
+            of(j, s, rows, __VA_ARGS__ 1, 1);                                                      \
         else if (apart)                                                                            \
-            way(j, s, c, __VA_ARGS__, 1, 0);                                                       \
+            of(j, s, rows, __VA_ARGS__ 1, 0);                                                      \
         else if (above)                                                                            \
-            way(j, s, c, __VA_ARGS__, 0, 1);                                                       \
+            of(j, s, rows, __VA_ARGS__ 0, 1);                                                      \
         else                                                                                       \
-            way(j, s, c, __VA_ARGS__, 0, 0);                                                       \
+            of(j, s, rows, __VA_ARGS__ 0, 0);                                                      \
     }
-#define COLUMN(rows, blocks) COLUMN_BY(column_##rows##x##blocks, column_u8, rows, blocks)
+#define COLUMN(rows, blocks)                                                                       \
+    VARIANTS(column_##rows##x##blocks, column_u8, struct chunk, rows, blocks, )
 COLUMN(6, 4)
 COLUMN(2, 4)
 COLUMN(8, 3)
 COLUMN(2, 3)
 COLUMN(12, 2)
 COLUMN(2, 2)
-COLUMN_BY(column_fours, column_by_fours, 16)
+COLUMN(12, 1)
 COLUMN(2, 1)
+VARIANTS(run, run_u8, struct fv_nn_rows, )
 
 static inline void column(int32_t blocks, struct tile_job *j, const struct store_job *s,
                           const struct chunk *c)
@@ -114,7 +87,7 @@ static inline void column(int32_t blocks, struct tile_job *j, const struct store
     else if (blocks == 2)
         (few ? column_2x2 : column_12x2)(j, s, c);
     else
-        (few ? column_2x1 : column_fours)(j, s, c);
+        (few ? column_2x1 : column_12x1)(j, s, c);
 }
 
 /* Blocks for the next column of tiles: fours, and what is left in equal parts. */
@@ -144,6 +117,19 @@ static inline void load_rounding(struct store_job *s, const struct fv_nn_gemm *g
         load_down(&s->scale[c], g->multiplier + 16 * block, g->shift + 16 * block);
 }
 
+/* `count` blocks from `b` on. */
+static inline void begin_column(struct tile_job *j, struct store_job *s, int32_t b, int32_t count)
+{
+    const struct fv_nn_gemm *g = j->g;
+    const int32_t width = g->n - 16 * b < 16 * count ? g->n - 16 * b : 16 * count;
+    for (int32_t c = 0; c < count; c++)
+        load_rounding(s, g, b + c, c);
+    s->mask = ~UINT64_C(0) >> (64 - width);
+    j->weights = g->weights + (ptrdiff_t)b * g->k4 * 64;
+    j->bias = g->bias + 16 * b;
+    j->column = 16 * b;
+}
+
 /* All channels of a chunk, a column of tiles after the other. */
 static inline void columns(struct tile_job *j, struct store_job *s, const struct chunk *chunk)
 {
@@ -151,13 +137,7 @@ static inline void columns(struct tile_job *j, struct store_job *s, const struct
     const int32_t blocks = (g->n + 15) / 16;
     for (int32_t b = 0, count; b < blocks; b += count) {
         count = next_blocks(blocks - b);
-        const int32_t width = g->n - 16 * b < 16 * count ? g->n - 16 * b : 16 * count;
-        for (int32_t c = 0; c < count; c++)
-            load_rounding(s, g, b + c, c);
-        s->mask = ~UINT64_C(0) >> (64 - width);
-        j->weights = g->weights + (ptrdiff_t)b * g->k4 * 64;
-        j->bias = g->bias + 16 * b;
-        j->column = 16 * b;
+        begin_column(j, s, b, count);
         if (chunk->pairs != NULL)
             pair_column(j, s, chunk);
         else
@@ -198,6 +178,11 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
     int32_t sums[CHUNK_ROWS_MAX] = {0};
     const int has_sums = g->row_sum_factor != 0;
     init_store(&s, g);
+    if (!paired && is_long_run(g, m)) {
+        begin_column(&j, &s, 0, 1);
+        run(&j, &s, &(struct fv_nn_rows){a, out, lda, ldo, m});
+        return;
+    }
     for (int32_t i = 0, rows; i < m; i += rows) {
         rows = next_rows(m - i);
         list_rows((void *)from, a + i * lda, lda, rows);
@@ -235,6 +220,23 @@ static inline void list_apart(struct rows_left *l, int32_t count, const uint8_t 
     }
 }
 
+/* Rows of all runs, chunk by chunk. */
+static inline void chunks_apart(struct tile_job *j, struct store_job *s, const struct pairs *pairs,
+                                const struct fv_nn_rows *rows, int32_t m)
+{
+    struct rows_left left = {rows, 0};
+    const uint8_t *in[CHUNK_ROWS_MAX + 8];
+    uint8_t *out[CHUNK_ROWS_MAX + 8];
+    for (int32_t some; m > 0; m -= some) {
+        some = next_rows(m);
+        list_apart(&left, some, in, out);
+        for (int32_t r = some; r < TILE_ROWS_MAX; r++) /* read in place of what is not there */
+            in[r] = in[some - 1];
+        const struct chunk chunk = {.in = in, .out = out, .pairs = pairs, .m = some};
+        columns(j, s, &chunk);
+    }
+}
+
 static inline void apart_u8(const struct fv_nn_gemm *g, const int32_t *offsets,
                             const struct fv_nn_rows *rows, int32_t count)
 {
@@ -245,22 +247,20 @@ static inline void apart_u8(const struct fv_nn_gemm *g, const int32_t *offsets,
     struct tile_job j = {.g = g, .offsets = offsets};
     struct store_job s;
     struct pairs pairs;
-    struct rows_left left = {rows, 0};
-    const uint8_t *in[CHUNK_ROWS_MAX + 8];
-    uint8_t *out[CHUNK_ROWS_MAX + 8];
-    int32_t m = 0;
-    for (int32_t i = 0; i < count; i++)
+    int32_t m = 0, are_long = 1;
+    for (int32_t i = 0; i < count; i++) {
         m += rows[i].count;
-    const int paired = m >= PAIR_ROWS && find_pairs(&pairs, g, offsets);
+        are_long &= is_long_run(g, rows[i].count);
+    }
     init_store(&s, g);
-    for (int32_t some; m > 0; m -= some) {
-        some = next_rows(m);
-        list_apart(&left, some, in, out);
-        for (int32_t r = some; r < TILE_ROWS_MAX; r++) /* read in place of what is not there */
-            in[r] = in[some - 1];
-        const struct chunk chunk = {
-            .in = in, .out = out, .pairs = paired ? &pairs : NULL, .m = some};
-        columns(&j, &s, &chunk);
+    if (m >= PAIR_ROWS && find_pairs(&pairs, g, offsets)) {
+        chunks_apart(&j, &s, &pairs, rows, m);
+    } else if (are_long) {
+        begin_column(&j, &s, 0, 1);
+        for (int32_t i = 0; i < count; i++)
+            run(&j, &s, &rows[i]);
+    } else {
+        chunks_apart(&j, &s, NULL, rows, m);
     }
 }
 

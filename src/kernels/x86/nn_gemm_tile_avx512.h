@@ -6,7 +6,7 @@
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx512.h"
 
-enum { CHUNK_ROWS = 48, CHUNK_ROWS_MAX = 72, TILE_ROWS_MAX = 16, ROWS_HELD = 9 };
+enum { CHUNK_ROWS = 48, CHUNK_ROWS_MAX = 72, TILE_ROWS_MAX = 12, ROWS_HELD = 9 };
 
 /* A tile: ROWS rows from `in` on, all of which are read. */
 struct tile_job {
@@ -49,20 +49,6 @@ FV_INLINE void accumulate_group(const uint8_t *const *row, const uint8_t *const 
     }
 }
 
-/* The products of one group of inputs of rows by fours, each `step` bytes after the one before: the
- * addresses of all rows take few registers, so that nothing but inputs and weights is loaded. */
-FV_INLINE void accumulate_fours(const uint8_t *const *row, ptrdiff_t step, ptrdiff_t at,
-                                const int8_t *w, const int ROWS, __m512i *acc)
-{
-    const __m512i v = _mm512_load_si512(w);
-#pragma GCC unroll 4
-    for (int i = 0; i < 4; i++, at += step) {
-#pragma GCC unroll 4
-        for (int f = 0; f < ROWS / 4; f++)
-            acc[4 * f + i] = _mm512_dpbusd_epi32(acc[4 * f + i], broadcast4(row[f] + at), v);
-    }
-}
-
 /* The sums begin with the biases and what is known of the rows. */
 FV_INLINE void start_sums(const struct tile_job *j, const int ROWS, const int BLOCKS, __m512i *acc)
 {
@@ -81,26 +67,6 @@ FV_INLINE void start_sums(const struct tile_job *j, const int ROWS, const int BL
             acc[i * BLOCKS + b] =
                 _mm512_add_epi32(acc[i * BLOCKS + b], _mm512_set1_epi32(j->row_sums[i]));
     }
-}
-
-FV_INLINE void accumulate_by_fours(const struct tile_job *j, const int ROWS, const int APART,
-                                   __m512i *acc)
-{
-    const uint8_t *row[TILE_ROWS_MAX / 4];
-    const ptrdiff_t step = j->in[1] - j->in[0], bytes = (ptrdiff_t)j->g->k4 * 4;
-    const int8_t *w = j->weights;
-#pragma GCC unroll 4
-    for (int f = 0; f < ROWS / 4; f++)
-        row[f] = j->in[4 * f];
-    start_sums(j, ROWS, 1, acc);
-    if (APART) {
-        const int32_t *end = j->offsets + j->g->k4;
-        for (const int32_t *offset = j->offsets; offset < end; offset++, w += 64)
-            accumulate_fours(row, step, *offset, w, ROWS, acc);
-        return;
-    }
-    for (ptrdiff_t k = 0; k < bytes; k += 4, w += 64)
-        accumulate_fours(row, step, k, w, ROWS, acc);
 }
 
 /* `APART`: groups of inputs lie apart. */
@@ -223,18 +189,29 @@ FV_INLINE void scale_block(__m512i *acc, const struct store_job *s, const int RO
         acc[i * BLOCKS + b] = requantize_down(acc[i * BLOCKS + b], &scale, above);
 }
 
+/* From here on other registers: else gcc, which has none left below, keeps some of the accumulators
+ * in memory, in the innermost loop too. */
+FV_INLINE void change_registers(__m512i *acc, const int COUNT)
+{
+#ifndef __clang__
+#pragma GCC unroll 24
+    for (int i = 0; i < COUNT; i++)
+        __asm__("" : "+v"(acc[i]));
+#else
+    (void)acc;
+    (void)COUNT;
+#endif
+}
+
 FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS,
                        const int BLOCKS, const int APART, const int above)
 {
     const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
-    if (ROWS == 16)
-        accumulate_by_fours(j, ROWS, APART, acc);
-    else
-        accumulate(j, ROWS, BLOCKS, APART, acc);
+    accumulate(j, ROWS, BLOCKS, APART, acc);
 #ifndef __clang__
-        /* From here on other registers: else gcc, which has none left below, keeps some of the
-         * accumulators in memory, in the innermost loop too. */
+    /* From here on other registers: else gcc, which has none left below, keeps some of the
+     * accumulators in memory, in the innermost loop too. */
 #pragma GCC unroll 24
     for (int i = 0; i < ROWS * BLOCKS; i++)
         __asm__("" : "+v"(acc[i]));
