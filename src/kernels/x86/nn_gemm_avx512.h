@@ -67,6 +67,7 @@ FV_INLINE void column_u8(struct tile_job *j, const struct store_job *s, const st
 #define COLUMN(rows, blocks)                                                                       \
     VARIANTS(column_##rows##x##blocks, column_u8, struct chunk, rows, blocks, )
 COLUMN(6, 4)
+COLUMN(5, 4)
 COLUMN(2, 4)
 COLUMN(8, 3)
 COLUMN(2, 3)
@@ -80,8 +81,9 @@ static inline void column(int32_t blocks, struct tile_job *j, const struct store
                           const struct chunk *c)
 {
     const int few = c->m <= 2;
+    const int by_fives = (c->m + 4) / 5 * 5 < (c->m + 5) / 6 * 6; /* they do fewer rows twice */
     if (blocks == 4)
-        (few ? column_2x4 : column_6x4)(j, s, c);
+        (few ? column_2x4 : by_fives ? column_5x4 : column_6x4)(j, s, c);
     else if (blocks == 3)
         (few ? column_2x3 : column_8x3)(j, s, c);
     else if (blocks == 2)
