@@ -233,6 +233,12 @@ static int cut_scratch(struct apart *a, const struct fv_nn_gemm *gemm, int32_t t
     return 1;
 }
 
+/* Whether no kernel reaches beyond the image. */
+static int has_no_borders(const struct apart *a, const struct fv_op_image *im)
+{
+    return a->begin_x == 0 && a->begin_y == 0 && a->end_x == im->out_w && a->end_y == im->out_h;
+}
+
 static int init_apart(struct apart *a, const struct fv_nn_gathering *g,
                       const struct fv_nn_gemm *gemm, ptrdiff_t pitch)
 {
@@ -242,10 +248,11 @@ static int init_apart(struct apart *a, const struct fv_nn_gathering *g,
     *a = (struct apart){.g = g, .pitch = pitch};
     a->inside.call = a->borders.call = g->call;
     a->inside.gemm = a->borders.gemm = *gemm;
+    const int is_any_inside = find_inside(a, g->c);
     a->step = (ptrdiff_t)w->stride_x * im->in_c;
-    if (cut_scratch(a, gemm, taps, 1)) return 1;
+    if (!has_no_borders(a, im) && cut_scratch(a, gemm, taps, 1)) return 1;
     a->step = (ptrdiff_t)w->stride_x * im->in_stride;
-    return find_inside(a, g->c) && cut_scratch(a, gemm, im->in_stride == im->in_c ? taps : 1, 0);
+    return is_any_inside && cut_scratch(a, gemm, im->in_stride == im->in_c ? taps : 1, 0);
 }
 
 static void flush_borders(struct apart *a)

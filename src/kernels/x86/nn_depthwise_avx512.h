@@ -12,175 +12,9 @@
 #ifndef FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 #define FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 
-#include "kernels/kernels.h"
-#include "kernels/x86/nn_avx512.h"
+#include "kernels/x86/nn_depthwise_lanes_avx512.h"
 
-enum { STEPS_MAX = 20, HELD_STEPS_MAX = 3, COLUMNS_MAX = 72, PHASES_MAX = 3 };
-
-/* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel
- * rows, one kernel column. */
-struct lanes {
-    __m512i weights[STEPS_MAX][4];
-    __m512i bias[4];
-    struct down16 scale[4];
-    struct real16 real[4];
-    int is_real; /* which of both rounds them */
-    struct table64 table;
-    struct clamp64 clamp;
-    __mmask64 mask;
-};
-
-FV_INLINE void interleave(__m512i a, __m512i b, __m512i c, __m512i d, __m512i out[4])
-{
-    const __m512i ab_low = _mm512_unpacklo_epi8(a, b), ab_high = _mm512_unpackhi_epi8(a, b);
-    const __m512i cd_low = _mm512_unpacklo_epi8(c, d), cd_high = _mm512_unpackhi_epi8(c, d);
-    out[0] = _mm512_unpacklo_epi16(ab_low, cd_low);
-    out[1] = _mm512_unpackhi_epi16(ab_low, cd_low);
-    out[2] = _mm512_unpacklo_epi16(ab_high, cd_high);
-    out[3] = _mm512_unpackhi_epi16(ab_high, cd_high);
-}
-
-/* 64 elements of a per-channel array from channel `first` on, cyclic when `period` is not 0; past
- * the end others repeat: lanes past the channels are never stored. */
-FV_INLINE void spread(void *to, const void *from, const size_t size, int32_t first, int32_t period,
-                      int32_t c16)
-{
-    uint8_t *out = to;
-    const uint8_t *in = from;
-    const int32_t end = period != 0 ? period : c16;
-    if (first % 16 == 0 && end % 16 == 0) { /* in pieces of one size, without calls */
-        for (int32_t n = 0, at = first; n < 64; n += 16, at += 16) {
-            if (at == end) at = 0;
-            memcpy(out + (size_t)n * size, in + (size_t)at * size, 16 * size);
-        }
-        return;
-    }
-    for (int32_t n = 0, at = first; n < 64; at = 0) {
-        const int32_t count = end - at < 64 - n ? end - at : 64 - n;
-        memcpy(out + (size_t)n * size, in + (size_t)at * size, (size_t)count * size);
-        n += count;
-    }
-}
-
-/* Words of 64 channels in the order in which interleaving leaves the channels: out[q] holds 4 q ..
- * 4 q + 3 of each 16. */
-static inline void transpose_words(const int32_t *words, __m512i out[4])
-{
-    __m512i in[4];
-    for (int i = 0; i < 4; i++)
-        in[i] = _mm512_loadu_si512(words + 16 * i);
-    const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44),
-                  b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
-    const __m512i c = _mm512_shuffle_i32x4(in[0], in[1], 0xEE),
-                  d = _mm512_shuffle_i32x4(in[2], in[3], 0xEE);
-    out[0] = _mm512_shuffle_i32x4(a, b, 0x88);
-    out[1] = _mm512_shuffle_i32x4(a, b, 0xDD);
-    out[2] = _mm512_shuffle_i32x4(c, d, 0x88);
-    out[3] = _mm512_shuffle_i32x4(c, d, 0xDD);
-}
-
-/* Rounding by real numbers, where there is one for all 64 lanes. */
-static inline int load_real(struct real16 to[4], const struct fv_nn_depthwise *d, int32_t first,
-                            int32_t period)
-{
-    int32_t words[64];
-    __m512i part[3][4];
-    for (int i = 0; i < 3; i++) {
-        spread(words, d->real + (ptrdiff_t)i * d->c16, 4, first, period, d->c16);
-        transpose_words(words, part[i]);
-    }
-    __mmask16 all = 0xFFFF;
-    for (int q = 0; q < 4; q++) {
-        all &= _mm512_test_epi32_mask(part[0][q], part[0][q]);
-        to[q] = (struct real16){_mm512_castsi512_ps(part[0][q]), _mm512_castsi512_ps(part[1][q]),
-                                _mm512_castsi512_ps(part[2][q])};
-    }
-    return all == 0xFFFF;
-}
-
-static inline void load_exact(struct down16 to[4], const struct fv_nn_depthwise *d, int32_t first,
-                              int32_t period)
-{
-    int32_t words[64];
-    __m512i multiplier[4], shift[4];
-    spread(words, d->multiplier, 4, first, period, d->c16);
-    transpose_words(words, multiplier);
-    spread(words, d->shift, 4, first, period, d->c16);
-    transpose_words(words, shift);
-    for (int32_t q = 0; q < 4; q++)
-        load_down_of(&to[q], multiplier[q], shift[q]);
-}
-
-/* Prepare 64 lanes that stand for channels first, first + 1, ... (modulo `period` when it is not
- * 0). */
-static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first,
-                              int32_t period)
-{
-    const int32_t groups = (d->kh + 3) / 4;
-    int32_t words[64];
-    spread(words, d->bias, 4, first, period, d->c16);
-    transpose_words(words, l->bias);
-    l->is_real = d->real != NULL && load_real(l->real, d, first, period);
-    if (!l->is_real) load_exact(l->scale, d, first, period);
-    for (int32_t step = 0; step < d->planes * groups * d->kw; step++) {
-        const int32_t kx = step % d->kw, group = step / d->kw % groups,
-                      plane = step / d->kw / groups;
-        int8_t column[4][64] = {{0}};
-        for (int32_t r = 0; r < 4 && 4 * group + r < d->kh; r++) {
-            const int8_t *w =
-                d->weights + ((ptrdiff_t)(plane * d->kh + 4 * group + r) * d->kw + kx) * d->c16;
-            spread(column[r], w, 1, first, period, d->c16);
-        }
-        interleave(_mm512_loadu_si512(column[0]), _mm512_loadu_si512(column[1]),
-                   _mm512_loadu_si512(column[2]), _mm512_loadu_si512(column[3]), l->weights[step]);
-    }
-    load_table(&l->table, d->table);
-    l->clamp = clamp_of(d->zero_out, d->act_min, d->act_max);
-}
-
-/* What stays in registers over a row of outputs: as stores of bytes may change anything in memory,
- * compilers would load it again for each. */
-struct held {
-    __m512i weights[HELD_STEPS_MAX][4];
-    struct real16 real[4];
-};
-
-FV_INLINE void hold(struct held *h, const struct lanes *l, const int STEPS)
-{
-#pragma GCC unroll 4
-    for (int q = 0; q < 4; q++) {
-        h->real[q] = l->real[q];
-#pragma GCC unroll 3
-        for (int s = 0; s < STEPS && s < HELD_STEPS_MAX; s++)
-            h->weights[s][q] = l->weights[s][q];
-    }
-}
-
-/* The weights of a step: held, if they can be. */
-FV_INLINE __m512i weights_of(const struct held *h, const struct lanes *l, int s, int q,
-                             const int STEPS)
-{
-    return STEPS <= HELD_STEPS_MAX ? h->weights[s][q] : l->weights[s][q];
-}
-
-FV_INLINE void finish(const struct real16 real[4], const struct lanes *l,
-                      const struct fv_nn_depthwise *d, const __m512i acc[4], uint8_t *out,
-                      __mmask64 mask, const int above)
-{
-    __m512i r[4];
-    if (l->is_real) {
-#pragma GCC unroll 4
-        for (int q = 0; q < 4; q++)
-            r[q] = requantize_real(acc[q], &real[q], above);
-    } else {
-#pragma GCC unroll 4
-        for (int q = 0; q < 4; q++)
-            r[q] = requantize_down(acc[q], &l->scale[q], above);
-    }
-    __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &l->clamp);
-    if (d->table != NULL) bytes = look_up(bytes, &l->table);
-    _mm512_mask_storeu_epi8(out, mask, bytes);
-}
+enum { COLUMNS_MAX = 72, PHASES_MAX = 3 };
 
 /* ---- blocks of 64 channels ------------------------------------------------------------------- */
 
@@ -240,7 +74,7 @@ FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise
                 acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q),
                                              weights_of(&h, l, s, q, STEPS));
         }
-        finish(h.real, l, d, acc, out, mask, above);
+        _mm512_mask_storeu_epi8(out, mask, finish(h.real, l, d, acc, above));
     }
 }
 
@@ -267,13 +101,14 @@ static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise
     }
 }
 
-static inline void by_blocks(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
-                             int32_t begin, int32_t end, uint8_t *scratch, int above)
+/* The first `channels` channels. */
+static inline void by_blocks(const struct fv_nn_depthwise *d, int32_t channels, const uint8_t *in,
+                             uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch, int above)
 {
     struct lanes l;
-    for (int32_t c = 0; c < d->channels; c += 64) {
+    for (int32_t c = 0; c < channels; c += 64) {
         load_lanes(&l, d, c, 0);
-        l.mask = d->channels - c >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (d->channels - c));
+        l.mask = channels - c >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (channels - c));
         for (int32_t y = begin; y < end; y++) {
             block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y,
                       scratch, above);
@@ -320,9 +155,9 @@ static inline int flat_fits(const struct fv_nn_depthwise *d)
     const int32_t most = span > COLUMNS_MAX ? span : COLUMNS_MAX;
     const ptrdiff_t room = (ptrdiff_t)(all < most ? all : most) * 256 * ((d->kh + 3) / 4);
     const int32_t blocks = (d->channels + 63) / 64;
+    const int is_stored = d->out_stride == d->channels || d->channels == 16 || d->channels == 32;
     return d->kh <= 4 && d->planes * d->kw <= STEPS_MAX && d->channels * 5 < blocks * 64 * 4 &&
-           d->out_stride == d->channels && flat_part(d) * d->stride_x * d->kh <= room &&
-           phases_of(d) <= PHASES_MAX;
+           is_stored && flat_part(d) * d->stride_x * d->kh <= room && phases_of(d) <= PHASES_MAX;
 }
 
 /* `count` pixels of BYTES bytes, `step` bytes apart, side by side. */
@@ -435,6 +270,32 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
         copy_phase(d, row, phase, to + phase * part);
 }
 
+/* Bytes from j on, of `total`, of a row of output pixels: those follow each other, or are 16 or 32
+ * bytes each. */
+FV_INLINE void store_pixels(const struct fv_nn_depthwise *d, uint8_t *out, int32_t j, int32_t total,
+                            __m512i bytes)
+{
+    const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
+    if (d->out_stride == d->channels) {
+        _mm512_mask_storeu_epi8(out + j, mask, bytes);
+        return;
+    }
+    uint8_t *to = out + (ptrdiff_t)(j / d->channels) * d->out_stride;
+    if (d->channels == 32) {
+        _mm256_storeu_si256((__m256i *)(void *)to, _mm512_castsi512_si256(bytes));
+        if (total - j > 32)
+            _mm256_storeu_si256((__m256i *)(void *)(to + d->out_stride),
+                                _mm512_extracti64x4_epi64(bytes, 1));
+        return;
+    }
+    __m128i pixel[4] = {_mm512_castsi512_si128(bytes), _mm512_extracti32x4_epi32(bytes, 1),
+                        _mm512_extracti32x4_epi32(bytes, 2), _mm512_extracti32x4_epi32(bytes, 3)};
+#pragma GCC unroll 4
+    for (int i = 0; i < 4; i++, to += d->out_stride) {
+        if (total - j > 16 * i) _mm_storeu_si128((__m128i *)(void *)to, pixel[i]);
+    }
+}
+
 /* Outputs j, j + step, ... of one row, by the copies of KH rows. */
 FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
                             const uint8_t *const rows[4], ptrdiff_t part, int32_t j, int32_t step,
@@ -466,8 +327,7 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
                                                  weights_of(&h, l, p * KW + kx, q, PLANES * KW));
             }
         }
-        const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
-        finish(h.real, l, d, acc, out + j, mask, above);
+        store_pixels(d, out, j, total, finish(h.real, l, d, acc, above));
     }
 }
 
@@ -480,7 +340,7 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
     struct lanes lanes[PHASES_MAX];
     load_phases(lanes, d, phases);
     int32_t copied = INT32_MIN; /* the last row whose copy is there */
-    for (int32_t y = begin; y < end; y++, out += total) {
+    for (int32_t y = begin; y < end; y++, out += (ptrdiff_t)d->out_w * d->out_stride) {
         const uint8_t *rows[4] = {NULL};
         for (int32_t ky = 0; ky < d->kh; ky++) {
             const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
@@ -504,6 +364,34 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
                 flat_outputs(l, d, rows, part, p * 64, step, total, out, d->kh, d->kw, d->planes,
                              0);
         }
+    }
+}
+
+/* Channels from `first` on alone. */
+static inline struct fv_nn_depthwise last_channels(const struct fv_nn_depthwise *d, int32_t first)
+{
+    struct fv_nn_depthwise last = *d;
+    last.channels -= first;
+    last.weights += first;
+    last.bias += first;
+    last.multiplier += first;
+    last.shift += first;
+    if (d->real != NULL) last.real += first;
+    return last;
+}
+
+/* Whole blocks, and what is left, a quarter or half of one, as flat rows. */
+static inline void by_blocks_and_rows(const struct fv_nn_depthwise *d, const uint8_t *in,
+                                      uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch,
+                                      int above)
+{
+    const int32_t first = d->channels / 64 * 64;
+    const struct fv_nn_depthwise last = last_channels(d, first);
+    if (first > 0 && (last.channels == 16 || last.channels == 32) && flat_fits(&last)) {
+        by_blocks(d, first, in, out, begin, end, scratch, above);
+        by_flat_rows(&last, in + first, out + first, begin, end, scratch, above);
+    } else {
+        by_blocks(d, d->channels, in, out, begin, end, scratch, above);
     }
 }
 
@@ -576,7 +464,7 @@ FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwis
             }
         }
         const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
-        finish(l->real, l, d, acc, out + j, mask, above);
+        _mm512_mask_storeu_epi8(out + j, mask, finish(l->real, l, d, acc, above));
     }
 }
 
@@ -614,7 +502,7 @@ static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in,
     else if (flat_fits(d))
         by_flat_rows(d, in, out, begin, end, scratch, above);
     else if (d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX)
-        by_blocks(d, in, out, begin, end, scratch, above);
+        by_blocks_and_rows(d, in, out, begin, end, scratch, above);
     else
         fv_k_nn_depthwise_u8__avx2(d, in, out, begin, end, scratch);
 }

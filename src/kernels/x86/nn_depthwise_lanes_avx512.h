@@ -1,0 +1,189 @@
+/* What the ways of a depthwise convolution share: constants of 64 outputs that are computed
+ * together, in the order in which interleaved bytes leave their channels, and how sums become
+ * bytes. */
+#ifndef FOVEA_KERNELS_X86_NN_DEPTHWISE_LANES_AVX512_H
+#define FOVEA_KERNELS_X86_NN_DEPTHWISE_LANES_AVX512_H
+
+#include "kernels/kernels.h"
+#include "kernels/x86/nn_avx512.h"
+
+enum { STEPS_MAX = 20, HELD_STEPS_MAX = 3 };
+
+/* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel
+ * rows, one kernel column. */
+struct lanes {
+    __m512i weights[STEPS_MAX][4];
+    __m512i bias[4];
+    struct down16 scale[4];
+    struct real16 real[4];
+    int is_real; /* which of both rounds them */
+    struct table64 table;
+    struct clamp64 clamp;
+    __mmask64 mask;
+};
+
+FV_INLINE void interleave(__m512i a, __m512i b, __m512i c, __m512i d, __m512i out[4])
+{
+    const __m512i ab_low = _mm512_unpacklo_epi8(a, b), ab_high = _mm512_unpackhi_epi8(a, b);
+    const __m512i cd_low = _mm512_unpacklo_epi8(c, d), cd_high = _mm512_unpackhi_epi8(c, d);
+    out[0] = _mm512_unpacklo_epi16(ab_low, cd_low);
+    out[1] = _mm512_unpackhi_epi16(ab_low, cd_low);
+    out[2] = _mm512_unpacklo_epi16(ab_high, cd_high);
+    out[3] = _mm512_unpackhi_epi16(ab_high, cd_high);
+}
+
+/* 64 elements of a per-channel array from channel `first` on, cyclic when `period` is not 0; past
+ * the end others repeat: lanes past the channels are never stored. */
+FV_INLINE void spread(void *to, const void *from, const size_t size, int32_t first, int32_t period,
+                      int32_t c16)
+{
+    uint8_t *out = to;
+    const uint8_t *in = from;
+    const int32_t end = period != 0 ? period : c16;
+    if (first % 16 == 0 && end % 16 == 0) { /* in pieces of one size, without calls */
+        for (int32_t n = 0, at = first; n < 64; n += 16, at += 16) {
+            if (at == end) at = 0;
+            memcpy(out + (size_t)n * size, in + (size_t)at * size, 16 * size);
+        }
+        return;
+    }
+    for (int32_t n = 0, at = first; n < 64; at = 0) {
+        const int32_t count = end - at < 64 - n ? end - at : 64 - n;
+        memcpy(out + (size_t)n * size, in + (size_t)at * size, (size_t)count * size);
+        n += count;
+    }
+}
+
+FV_INLINE __m512i spread_bytes(const int8_t *from, int32_t first, int32_t period, int32_t c16)
+{
+    int8_t bytes[64];
+    if (period == 0 && first + 64 <= c16) return _mm512_loadu_si512(from + first);
+    spread(bytes, from, 1, first, period, c16);
+    return _mm512_loadu_si512(bytes);
+}
+
+/* Likewise, where they lie if they follow each other, else spread in `room`. */
+FV_INLINE const void *spread_words(int32_t room[64], const void *from, int32_t first,
+                                   int32_t period, int32_t c16)
+{
+    if (period == 0 && first + 64 <= c16) return (const int32_t *)from + first;
+    spread(room, from, 4, first, period, c16);
+    return room;
+}
+
+/* Words of 64 channels in the order in which interleaving leaves the channels: out[q] holds 4 q ..
+ * 4 q + 3 of each 16. */
+static inline void transpose_words(const void *words, __m512i out[4])
+{
+    __m512i in[4];
+    for (int i = 0; i < 4; i++)
+        in[i] = _mm512_loadu_si512((const int32_t *)words + 16 * i);
+    const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44),
+                  b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
+    const __m512i c = _mm512_shuffle_i32x4(in[0], in[1], 0xEE),
+                  d = _mm512_shuffle_i32x4(in[2], in[3], 0xEE);
+    out[0] = _mm512_shuffle_i32x4(a, b, 0x88);
+    out[1] = _mm512_shuffle_i32x4(a, b, 0xDD);
+    out[2] = _mm512_shuffle_i32x4(c, d, 0x88);
+    out[3] = _mm512_shuffle_i32x4(c, d, 0xDD);
+}
+
+/* Rounding by real numbers, where there is one for all 64 lanes. */
+static inline int load_real(struct real16 to[4], const struct fv_nn_depthwise *d, int32_t first,
+                            int32_t period)
+{
+    int32_t words[64];
+    __m512i part[3][4];
+    for (int i = 0; i < 3; i++) {
+        transpose_words(spread_words(words, d->real + (ptrdiff_t)i * d->c16, first, period, d->c16),
+                        part[i]);
+    }
+    __mmask16 all = 0xFFFF;
+    for (int q = 0; q < 4; q++) {
+        all &= _mm512_test_epi32_mask(part[0][q], part[0][q]);
+        to[q] = (struct real16){_mm512_castsi512_ps(part[0][q]), _mm512_castsi512_ps(part[1][q]),
+                                _mm512_castsi512_ps(part[2][q])};
+    }
+    return all == 0xFFFF;
+}
+
+static inline void load_exact(struct down16 to[4], const struct fv_nn_depthwise *d, int32_t first,
+                              int32_t period)
+{
+    int32_t words[64];
+    __m512i multiplier[4], shift[4];
+    transpose_words(spread_words(words, d->multiplier, first, period, d->c16), multiplier);
+    transpose_words(spread_words(words, d->shift, first, period, d->c16), shift);
+    for (int32_t q = 0; q < 4; q++)
+        load_down_of(&to[q], multiplier[q], shift[q]);
+}
+
+/* Prepare 64 lanes that stand for channels first, first + 1, ... (modulo `period` when it is not
+ * 0). */
+static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first,
+                              int32_t period)
+{
+    const int32_t groups = (d->kh + 3) / 4;
+    int32_t words[64];
+    transpose_words(spread_words(words, d->bias, first, period, d->c16), l->bias);
+    l->is_real = d->real != NULL && load_real(l->real, d, first, period);
+    if (!l->is_real) load_exact(l->scale, d, first, period);
+    for (int32_t step = 0; step < d->planes * groups * d->kw; step++) {
+        const int32_t kx = step % d->kw, group = step / d->kw % groups,
+                      plane = step / d->kw / groups;
+        __m512i column[4];
+        for (int32_t r = 0; r < 4; r++) {
+            const int8_t *w =
+                d->weights + ((ptrdiff_t)(plane * d->kh + 4 * group + r) * d->kw + kx) * d->c16;
+            column[r] = 4 * group + r < d->kh ? spread_bytes(w, first, period, d->c16)
+                                              : _mm512_setzero_si512();
+        }
+        interleave(column[0], column[1], column[2], column[3], l->weights[step]);
+    }
+    load_table(&l->table, d->table);
+    l->clamp = clamp_of(d->zero_out, d->act_min, d->act_max);
+}
+
+/* What stays in registers over a row of outputs: as stores of bytes may change anything in memory,
+ * compilers would load it again for each. */
+struct held {
+    __m512i weights[HELD_STEPS_MAX][4];
+    struct real16 real[4];
+};
+
+FV_INLINE void hold(struct held *h, const struct lanes *l, const int STEPS)
+{
+#pragma GCC unroll 4
+    for (int q = 0; q < 4; q++) {
+        h->real[q] = l->real[q];
+#pragma GCC unroll 3
+        for (int s = 0; s < STEPS && s < HELD_STEPS_MAX; s++)
+            h->weights[s][q] = l->weights[s][q];
+    }
+}
+
+/* The weights of a step: held, if they can be. */
+FV_INLINE __m512i weights_of(const struct held *h, const struct lanes *l, int s, int q,
+                             const int STEPS)
+{
+    return STEPS <= HELD_STEPS_MAX ? h->weights[s][q] : l->weights[s][q];
+}
+
+FV_INLINE __m512i finish(const struct real16 real[4], const struct lanes *l,
+                         const struct fv_nn_depthwise *d, const __m512i acc[4], const int above)
+{
+    __m512i r[4];
+    if (l->is_real) {
+#pragma GCC unroll 4
+        for (int q = 0; q < 4; q++)
+            r[q] = requantize_real(acc[q], &real[q], above);
+    } else {
+#pragma GCC unroll 4
+        for (int q = 0; q < 4; q++)
+            r[q] = requantize_down(acc[q], &l->scale[q], above);
+    }
+    const __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &l->clamp);
+    return d->table != NULL ? look_up(bytes, &l->table) : bytes;
+}
+
+#endif
