@@ -10,6 +10,7 @@ void fv_fast_carve(struct fv_fast_scratch *scratch, int32_t width, struct fv_are
 {
     scratch->row_bytes = (width + 2 * PAD + PAD - 1) / PAD * PAD;
     scratch->scores = fv_arena_take(frame, 3, (size_t)scratch->row_bytes);
+    scratch->thresholds = fv_arena_take(frame, 1, (size_t)scratch->row_bytes);
     scratch->columns = fv_arena_take(frame, (size_t)width / 2 + 1, sizeof *scratch->columns);
 }
 
@@ -34,7 +35,8 @@ static void score(struct fv_fast *fast, int32_t y)
         return;
     }
     const uint8_t *pixels = fv_plane_row(&fast->image, y) + from;
-    fast->kernels->fast_score_u8(row + from, pixels, fast->image.stride, count, fast->threshold);
+    fast->kernels->fast_score_u8(row + from, pixels, fast->image.stride,
+                                 fast->scratch.thresholds + from, count);
     row[from - 1] = 0;
     row[from + count] = 0;
 }
@@ -47,11 +49,11 @@ void fv_fast_begin(struct fv_fast *fast, const struct fv_kernels *kernels,
                              .image = *image,
                              .border_px = border_px > FV_FAST_BORDER_MIN_PX ? border_px
                                                                             : FV_FAST_BORDER_MIN_PX,
-                             .threshold = threshold,
                              .scratch = *scratch,
                              .columns = scratch->columns};
     fast->y = fast->border_px - 1;
     fast->scored = fast->border_px - 2;
+    memset(scratch->thresholds, threshold, (size_t)scratch->row_bytes);
 }
 
 bool fv_fast_next(struct fv_fast *fast)

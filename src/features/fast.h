@@ -27,15 +27,16 @@ extern "C" {
 enum { FV_FAST_BORDER_MIN_PX = 3 };
 
 struct fv_fast_scratch {
-    uint8_t *scores;   /* three rows */
-    uint16_t *columns; /* corners of one row */
+    uint8_t *scores;     /* three rows */
+    uint8_t *thresholds; /* of the pixels of the row that is scored next, by column */
+    uint16_t *columns;   /* corners of one row */
     int32_t row_bytes;
 };
 
 struct fv_fast {
     const struct fv_kernels *kernels;
     struct fv_plane image;
-    int32_t border_px, threshold;
+    int32_t border_px;
     struct fv_fast_scratch scratch;
     int32_t scored; /* rows up to this one have scores */
 
@@ -49,7 +50,9 @@ struct fv_fast {
 void fv_fast_carve(struct fv_fast_scratch *scratch, int32_t width, struct fv_arena *frame);
 
 /* Start on an image of which FV_LEVEL_SLACK_BYTES after each row may be read. Corners keep
- * border_px (at least 3) from its edges; threshold in [1, 254]. Real-time safe. */
+ * border_px (at least 3) from its edges; threshold in [1, 254]. The caller may change the
+ * thresholds in `scratch` between rows: when row y is reached, y + 1 has its scores. Real-time
+ * safe. */
 void fv_fast_begin(struct fv_fast *fast, const struct fv_kernels *kernels,
                    const struct fv_plane *image, int32_t border_px, int32_t threshold,
                    const struct fv_fast_scratch *scratch);

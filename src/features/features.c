@@ -66,6 +66,8 @@ static void find_in_level(struct fv_features *features, const struct fv_kernels 
             if (hidden(mask_row, level, x)) continue;
             fv_spread_offer(&features->spread, level, x, fast.y, fast.scores[x]);
         }
+        fv_spread_thresholds(&features->spread, level, fast.y + 2,
+                             (uint8_t)features->config.threshold_min, features->fast.thresholds);
     }
 }
 

@@ -2,10 +2,16 @@
 
 #include "image/pyramid.h"
 
-#include <stdbool.h>
 #include <string.h>
 
-enum { OVER_STRONGEST = 30, CELL_MIN_PX = 4, FULL_WORTH_LEVELS = 6, WORTH_MAX = 640 };
+enum {
+    OVER_STRONGEST = 30,
+    CELL_MIN_PX = 4,
+    FULL_WORTH_LEVELS = 6,
+    WORTH_MAX = 640,
+    STEP = 8,
+    CHUNK = 16
+};
 
 uint32_t fv_spread_quota(uint32_t level, uint32_t levels, uint32_t count, uint32_t over)
 {
@@ -158,6 +164,60 @@ void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_
         moving = here > moving ? moving : here;
     }
     cell->count = (uint8_t)(cell->count + (cell->count < FV_SPREAD_KEPT));
+}
+
+/* Whether every field that the rows [y, end) of a cell touch has a corner that counts there as much
+ * as one with `score` at this level. */
+static bool covered(const struct fv_spread *spread, uint32_t level, int32_t column, int32_t y,
+                    int32_t end, uint8_t score)
+{
+    const struct fv_spread_level *at = &spread->level[level];
+    const int32_t x = column * at->cell_px, right = x + at->cell_px;
+    const int32_t first = field_of(at, x, y),
+                  last = field_of(at, (right < at->width ? right : at->width) - 1, end - 1);
+    const struct fv_corner corner = {.level = (uint8_t)level, .score = score};
+    const int32_t wide = (last - first) % FV_SPREAD_COVER, least = worth(spread, &corner);
+    for (int32_t row = first; row <= last; row += FV_SPREAD_COVER)
+        for (int32_t i = row; i <= row + wide; i++)
+            if (worth(spread, &spread->cover[i]) < least) return false;
+    return true;
+}
+
+/* The score from which on corners of a cell may still change what is kept, when weak ones do not
+ * count any more: the threshold, or beyond the last of a full cell. */
+static uint8_t score_needed(const struct fv_spread *spread, const struct fv_spread_cell *cell)
+{
+    const uint8_t last = score_of(cell->best[FV_SPREAD_KEPT - 1]);
+    return last < spread->threshold ? spread->threshold : last < 254 ? last + 1 : last;
+}
+
+void fv_spread_thresholds(struct fv_spread *spread, uint32_t level, int32_t y, uint8_t least,
+                          uint8_t *thresholds)
+{
+    const struct fv_spread_level *at = &spread->level[level];
+    const int32_t row = multiplied(y, at->per_cell), top = row * at->cell_px,
+                  bottom = top + at->cell_px < at->height ? top + at->cell_px : at->height;
+    if (least >= spread->threshold) return;
+    if (y == bottom - 1) memset(thresholds, least, (size_t)at->width);
+    if (y == bottom - 1 || (y - top) % STEP != STEP / 2) return;
+    for (int32_t column = 0; column < at->columns; column++) {
+        struct fv_spread_cell *cell = &at->cells[row * at->columns + column];
+        const int32_t x = column * at->cell_px, right = x + at->cell_px;
+        const int32_t end = right < at->width ? right : at->width;
+        if (score_of(cell->best[0]) >= spread->threshold) {
+            const uint8_t needed = score_needed(spread, cell);
+            if (needed > cell->needed &&
+                covered(spread, level, column, y - 1, bottom, (uint8_t)(needed - 1)))
+                cell->needed = needed;
+        }
+        const uint8_t here = cell->needed > least ? cell->needed : least;
+        for (int32_t i = x; i < end; i += CHUNK)
+            memset(thresholds + i, here, CHUNK);
+        if (column == 0) continue;
+        /* Neighbours of pixels that may count are seen as well as these. */
+        if (thresholds[x - 1] > here) thresholds[x - 1] = here;
+        if (thresholds[x - 1] < here) thresholds[x] = thresholds[x - 1];
+    }
 }
 
 /* Score the corners of a cell anew, and sort them. */

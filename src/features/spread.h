@@ -19,6 +19,7 @@
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/arena.h"
@@ -52,6 +53,7 @@ struct fv_spread_cell {
     uint8_t count;    /* kept */
     uint8_t eligible; /* number of them, the first, that may be picked for their strength */
     uint8_t taken;    /* a bit for each that is picked */
+    uint8_t needed;   /* corners of a lower score change nothing any more */
 };
 
 struct fv_spread_level {
@@ -90,6 +92,14 @@ void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold
 /* Offer a corner with a score of at least 1; calls come by level from coarse to fine, in raster
  * order. Constant time. */
 void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_t y, uint8_t score);
+
+/* From what score on corners of row y [1, height - 2] of a level are worth finding, by column: the
+ * threshold where neither a weaker corner nor one whose weaker neighbour is not seen would change
+ * what is kept; `least` elsewhere. In the order of the offers, after those of row y - 2; rows
+ * between which nothing is worth a new look leave the thresholds as they are. Up to 15 columns more
+ * are written. */
+void fv_spread_thresholds(struct fv_spread *spread, uint32_t level, int32_t y, uint8_t least,
+                          uint8_t *thresholds);
 
 /* Give the corners that are kept, at most FV_SPREAD_KEPT of each cell and one of each field, scores
  * of another measure, at least 1; weak ones of cells that have strong ones are left out before.

@@ -15,7 +15,7 @@ struct finding {
     struct fovea_image image;
     const struct fv_pyramid *pyramid;
     struct fv_spread *spread;
-    uint8_t *pixels, *scores;
+    uint8_t *pixels, *scores, *thresholds;
     uint16_t *columns;
     int32_t width;
     uint32_t count; /* of corners, in the front end's list */
@@ -57,7 +57,8 @@ static void of_images(struct finding *f)
 static void score_row(void *context)
 {
     struct finding *f = context;
-    f->rt->kernels.fast_score_u8(f->scores, f->pixels + 3 * 4096 + 8, 4096, f->width, 7);
+    f->rt->kernels.fast_score_u8(f->scores, f->pixels + 3 * 4096 + 8, 4096, f->thresholds,
+                                 f->width);
 }
 
 static void find_peaks(void *context)
@@ -82,6 +83,7 @@ static void walk_level(void *context)
 static void of_fast(struct finding *f)
 {
     memset(f->pixels, 255, 8 * 4096);
+    memset(f->thresholds, 7, 4096);
     for (int i = 0; i < 4096; i++)
         f->pixels[3 * 4096 + i] = (uint8_t)(i * 3 % 245);
     double row = (double)counter_of(score_row, f);
@@ -116,6 +118,12 @@ static void offer(void *context)
     struct finding *f = context;
     const int32_t x = (int32_t)(f->count % 600) + 20;
     fv_spread_offer(f->spread, 0, x % f->width, 20, (uint8_t)(50 + f->count % 200));
+}
+
+static void need(void *context)
+{
+    struct finding *f = context;
+    fv_spread_thresholds(f->spread, 0, (int32_t)f->count, 7, f->thresholds);
 }
 
 static void pick(void *context)
@@ -158,6 +166,8 @@ static void of_spread(struct finding *f)
         NOTE(corner_offered, offer, f, 1);
     for (size_t i = 0; i < sizeof layouts / sizeof layouts[0]; i++) {
         offer_all(f, layouts[i].step, layouts[i].scores);
+        for (f->count = 20; f->count < 20 + 64; f->count++) /* all fields are looked at */
+            NOTE(row_needed, need, f, 1);
         NOTE(corners_ranked, rank_all, f, 1);
         NOTE(corners_picked, pick, f, 1);
     }
@@ -222,6 +232,7 @@ void pieces_of_features(struct fovea *rt)
                         .spread = &rt->front_end.features.spread,
                         .pixels = calloc(9, 4096),
                         .scores = calloc(2, 4096),
+                        .thresholds = calloc(2, 4096),
                         .columns = calloc(4096, sizeof *f.columns),
                         .width = camera->width};
     of_images(&f);
@@ -234,6 +245,7 @@ void pieces_of_features(struct fovea *rt)
     const double two = (double)counter_of(compose, &f);
     piece_note(PIECE_box_masked, (two - piece_costs[PIECE_mask_begun]) / 2);
     free(f.columns);
+    free(f.thresholds);
     free(f.scores);
     free(f.pixels);
 }

@@ -11,6 +11,7 @@
     ROW(pixel_taken, "a pixel of the frame to grey and to all levels, the dearest format")         \
     ROW(pixel_scored, "a pixel of a level, FAST, where most pass its first tests")                 \
     ROW(row_walked, "a row of a level, besides its pixels")                                        \
+    ROW(row_needed, "the scores that corners of a row need")                                       \
     ROW(corner_offered, "a corner offered to its cell")                                            \
     ROW(corners_begin, "cells emptied")                                                            \
     ROW(corners_picked, "corners picked from full cells")                                          \

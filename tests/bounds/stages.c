@@ -55,6 +55,7 @@ static void add_features(struct bound *b, const struct capacities *c)
                  per_cell = c->per_cell;
     TERM(b, BOUND_ALWAYS, level_pixels, pixel_scored);
     TERM(b, BOUND_ALWAYS, level_rows, row_walked);
+    TERM(b, BOUND_ALWAYS, level_rows, row_needed);
     TERM(b, BOUND_ALWAYS, level_pixels / 4, corner_offered); /* peaks: one of 2 x 2 at most */
     TERM(b, BOUND_ALWAYS, 1, corners_begin);
     TERM(b, BOUND_ALWAYS, 1, corners_picked);

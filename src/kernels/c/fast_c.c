@@ -57,7 +57,7 @@ static int32_t strength(const uint8_t *pixel, const ptrdiff_t offset[16])
 }
 
 void fv_k_fast_score_u8__c(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                           int32_t count, int32_t threshold)
+                           const uint8_t *thresholds, int32_t count)
 {
     ptrdiff_t offset[16];
     for (int k = 0; k < 16; k++)
@@ -72,6 +72,7 @@ void fv_k_fast_score_u8__c(uint8_t *scores, const uint8_t *pixels, ptrdiff_t str
                       stretch);
         for (int32_t i = 0; i < stretch; i++) {
             const uint8_t *pixel = pixels + begin + i;
+            const int32_t threshold = thresholds[begin + i];
             scores[begin + i] = 0;
             if (low[i] <= *pixel + threshold && high[i] >= *pixel - threshold) continue;
             const int32_t best = strength(pixel, offset);

@@ -10,12 +10,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* scores[i] = score of the pixel at `pixels + i` when it is a corner at `threshold` [1, 254], else
- * 0; i in [0, count). Reads three rows and columns to all sides of the pixels, and up to 64 bytes
- * further right in each of these seven rows; may write up to 63 bytes past scores[count - 1] with
- * undefined values. No alignment needed. */
+/* scores[i] = score of the pixel at `pixels + i` when it is a corner at thresholds[i] [1, 254],
+ * else 0; i in [0, count). Reads three rows and columns to all sides of the pixels, and up to 64
+ * bytes further right in each of these seven rows and of the thresholds; may write up to 63 bytes
+ * past scores[count - 1] with undefined values. No alignment needed. */
 typedef void fv_k_fast_score_u8_fn(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                                   int32_t count, int32_t threshold);
+                                   const uint8_t *thresholds, int32_t count);
 
 /* Non-maximum suppression: the columns x in [from, to), ascending, with row[x] > 0 and greater than
  * its eight neighbours in `above`, `row` and `below`; returns how many (at most (to - from + 1) /

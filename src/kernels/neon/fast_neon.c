@@ -78,25 +78,25 @@ static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, u
  * same side: nine contiguous ones hold one of every pair. The second scores the groups that passed.
  * Listing them instead of branching spares the mispredictions. */
 static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                          int32_t count, int32_t threshold)
+                          const uint8_t *thresholds, int32_t count)
 {
-    const uint8x16_t t = vdupq_n_u8((uint8_t)threshold);
     int32_t groups[STRETCH / 16 + 1], found = 0;
     for (int32_t i = 0; i < count; i += 16) {
         vst1q_u8(scores + i, vdupq_n_u8(0));
         groups[found] = i;
-        found += candidates(pixels + i, stride_bytes, t);
+        found += candidates(pixels + i, stride_bytes, load(thresholds + i));
     }
     for (int32_t k = 0; k < found; k++)
-        score_group(scores + groups[k], pixels + groups[k], stride_bytes, t);
+        score_group(scores + groups[k], pixels + groups[k], stride_bytes,
+                    load(thresholds + groups[k]));
 }
 
 void fv_k_fast_score_u8__neon(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                              int32_t count, int32_t threshold)
+                              const uint8_t *thresholds, int32_t count)
 {
     for (int32_t i = 0; i < count; i += STRETCH)
-        score_stretch(scores + i, pixels + i, stride_bytes,
-                      count - i < STRETCH ? count - i : STRETCH, threshold);
+        score_stretch(scores + i, pixels + i, stride_bytes, thresholds + i,
+                      count - i < STRETCH ? count - i : STRETCH);
 }
 
 int32_t fv_k_fast_peaks_u8__neon(uint16_t *columns, const uint8_t *above, const uint8_t *row,

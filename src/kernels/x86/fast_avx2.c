@@ -40,27 +40,26 @@ static inline uint32_t candidates(const uint8_t *c, ptrdiff_t s, __m256i t)
  * same side: nine contiguous ones hold one of every pair. The second scores the groups that passed.
  * Listing them instead of branching spares the mispredictions. */
 static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                          int32_t count, int32_t threshold)
+                          const uint8_t *thresholds, int32_t count)
 {
-    const __m256i t = _mm256_set1_epi8((char)threshold);
     int32_t groups[FV_FAST_STRETCH / 16 + 2], found = 0;
     for (int32_t i = 0; i < count; i += 32) {
-        const uint32_t lanes = candidates(pixels + i, stride_bytes, t);
+        const uint32_t lanes = candidates(pixels + i, stride_bytes, load(thresholds + i));
         _mm256_storeu_si256((__m256i *)(scores + i), _mm256_setzero_si256());
         groups[found] = i;
         found += (lanes & 0xffff) != 0;
         groups[found] = i + 16;
         found += (lanes >> 16) != 0;
     }
-    fv_fast_score_listed(scores, pixels, stride_bytes, groups, found, count, threshold);
+    fv_fast_score_listed(scores, pixels, stride_bytes, thresholds, groups, found, count);
 }
 
 void fv_k_fast_score_u8__avx2(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                              int32_t count, int32_t threshold)
+                              const uint8_t *thresholds, int32_t count)
 {
     for (int32_t i = 0; i < count; i += FV_FAST_STRETCH)
-        score_stretch(scores + i, pixels + i, stride_bytes,
-                      count - i < FV_FAST_STRETCH ? count - i : FV_FAST_STRETCH, threshold);
+        score_stretch(scores + i, pixels + i, stride_bytes, thresholds + i,
+                      count - i < FV_FAST_STRETCH ? count - i : FV_FAST_STRETCH);
 }
 
 int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const uint8_t *row,

@@ -39,27 +39,26 @@ static inline uint64_t candidates(const uint8_t *c, ptrdiff_t s, __m512i t)
 
 /* As the AVX2 variant, asking of 64 pixels at a time. */
 static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                          int32_t count, int32_t threshold)
+                          const uint8_t *thresholds, int32_t count)
 {
-    const __m512i t = _mm512_set1_epi8((char)threshold);
     int32_t groups[FV_FAST_STRETCH / 16 + 4], found = 0;
     for (int32_t i = 0; i < count; i += 64) {
-        const uint64_t lanes = candidates(pixels + i, stride_bytes, t);
+        const uint64_t lanes = candidates(pixels + i, stride_bytes, load(thresholds + i));
         _mm512_storeu_si512(scores + i, _mm512_setzero_si512());
         for (int32_t k = 0; k < 64; k += 16) {
             groups[found] = i + k;
             found += (lanes >> k & 0xffff) != 0;
         }
     }
-    fv_fast_score_listed(scores, pixels, stride_bytes, groups, found, count, threshold);
+    fv_fast_score_listed(scores, pixels, stride_bytes, thresholds, groups, found, count);
 }
 
 void fv_k_fast_score_u8__avx512(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                                int32_t count, int32_t threshold)
+                                const uint8_t *thresholds, int32_t count)
 {
     for (int32_t i = 0; i < count; i += FV_FAST_STRETCH)
-        score_stretch(scores + i, pixels + i, stride_bytes,
-                      count - i < FV_FAST_STRETCH ? count - i : FV_FAST_STRETCH, threshold);
+        score_stretch(scores + i, pixels + i, stride_bytes, thresholds + i,
+                      count - i < FV_FAST_STRETCH ? count - i : FV_FAST_STRETCH);
 }
 
 int32_t fv_k_fast_peaks_u8__avx512(uint16_t *columns, const uint8_t *above, const uint8_t *row,

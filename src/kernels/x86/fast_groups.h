@@ -44,9 +44,9 @@ static inline __m256i fv_fast_both(const uint8_t *a, const uint8_t *b, ptrdiff_t
     return _mm256_loadu2_m128i((const __m128i *)(b + offset), (const __m128i *)(a + offset));
 }
 
-/* Scores of sixteen pixels from `a` on and sixteen from `b` on; `t1`: the threshold and 1. */
+/* Scores of sixteen pixels from `a` on and sixteen from `b` on; `t`: their thresholds. */
 static inline void fv_fast_score_groups(uint8_t *scores_a, uint8_t *scores_b, const uint8_t *a,
-                                        const uint8_t *b, ptrdiff_t s, __m256i t1)
+                                        const uint8_t *b, ptrdiff_t s, __m256i t)
 {
     const __m256i p[16] = {fv_fast_both(a, b, -3 * s),     fv_fast_both(a, b, -3 * s + 1),
                            fv_fast_both(a, b, -2 * s + 2), fv_fast_both(a, b, -s + 3),
@@ -61,22 +61,22 @@ static inline void fv_fast_score_groups(uint8_t *scores_a, uint8_t *scores_b, co
     fv_fast_best_arcs(p, &bright, &dark);
     const __m256i best =
         _mm256_max_epu8(_mm256_subs_epu8(bright, centre), _mm256_subs_epu8(centre, dark));
-    const __m256i corner = _mm256_cmpeq_epi8(_mm256_max_epu8(best, t1), best);
-    const __m256i score = _mm256_and_si256(corner, _mm256_sub_epi8(best, _mm256_set1_epi8(1)));
+    const __m256i within = _mm256_cmpeq_epi8(_mm256_max_epu8(best, t), t);
+    const __m256i score = _mm256_andnot_si256(within, _mm256_sub_epi8(best, _mm256_set1_epi8(1)));
     _mm_storeu_si128((__m128i *)scores_a, _mm256_castsi256_si128(score));
     _mm_storeu_si128((__m128i *)scores_b, _mm256_extracti128_si256(score, 1));
 }
 
 /* Score the listed groups of sixteen. `groups` has room for one more. */
 static inline void fv_fast_score_listed(uint8_t *scores, const uint8_t *pixels,
-                                        ptrdiff_t stride_bytes, int32_t *groups, int32_t found,
-                                        int32_t count, int32_t threshold)
+                                        ptrdiff_t stride_bytes, const uint8_t *thresholds,
+                                        int32_t *groups, int32_t found, int32_t count)
 {
-    const __m256i t1 = _mm256_set1_epi8((char)(threshold + 1));
     groups[found] = count; /* an odd last group is paired with the pixels past the end */
     for (int32_t k = 0; k < found; k += 2) {
         const int32_t a = groups[k], b = groups[k + 1];
-        fv_fast_score_groups(scores + a, scores + b, pixels + a, pixels + b, stride_bytes, t1);
+        fv_fast_score_groups(scores + a, scores + b, pixels + a, pixels + b, stride_bytes,
+                             fv_fast_both(thresholds + a, thresholds + b, 0));
     }
 }
 

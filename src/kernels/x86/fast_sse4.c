@@ -59,7 +59,7 @@ static inline uint32_t candidates(const uint8_t *c, ptrdiff_t s, __m128i t)
     return !_mm_testz_si128(beyond, beyond);
 }
 
-static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, __m128i t1)
+static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, __m128i t)
 {
     const __m128i p[16] = {
         load(c - 3 * s), load(c - 3 * s + 1), load(c - 2 * s + 2), load(c - s + 3),
@@ -70,9 +70,9 @@ static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, _
     __m128i bright, dark;
     best_arcs(p, &bright, &dark);
     const __m128i best = MAX(_mm_subs_epu8(bright, centre), _mm_subs_epu8(centre, dark));
-    const __m128i corner = _mm_cmpeq_epi8(MAX(best, t1), best);
+    const __m128i within = _mm_cmpeq_epi8(MAX(best, t), t);
     _mm_storeu_si128((__m128i *)scores,
-                     _mm_and_si128(corner, _mm_sub_epi8(best, _mm_set1_epi8(1))));
+                     _mm_andnot_si128(within, _mm_sub_epi8(best, _mm_set1_epi8(1))));
 }
 
 /* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any
@@ -80,25 +80,25 @@ static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, _
  * same side: nine contiguous ones hold one of every pair. The second scores the groups that passed.
  * Listing them instead of branching spares the mispredictions. */
 static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                          int32_t count, int32_t threshold)
+                          const uint8_t *thresholds, int32_t count)
 {
-    const __m128i t = _mm_set1_epi8((char)threshold), t1 = _mm_set1_epi8((char)(threshold + 1));
     int32_t groups[STRETCH / 16 + 1], found = 0;
     for (int32_t i = 0; i < count; i += 16) {
         _mm_storeu_si128((__m128i *)(scores + i), _mm_setzero_si128());
         groups[found] = i;
-        found += (int32_t)candidates(pixels + i, stride_bytes, t);
+        found += (int32_t)candidates(pixels + i, stride_bytes, load(thresholds + i));
     }
     for (int32_t k = 0; k < found; k++)
-        score_group(scores + groups[k], pixels + groups[k], stride_bytes, t1);
+        score_group(scores + groups[k], pixels + groups[k], stride_bytes,
+                    load(thresholds + groups[k]));
 }
 
 void fv_k_fast_score_u8__sse4(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                              int32_t count, int32_t threshold)
+                              const uint8_t *thresholds, int32_t count)
 {
     for (int32_t i = 0; i < count; i += STRETCH)
-        score_stretch(scores + i, pixels + i, stride_bytes,
-                      count - i < STRETCH ? count - i : STRETCH, threshold);
+        score_stretch(scores + i, pixels + i, stride_bytes, thresholds + i,
+                      count - i < STRETCH ? count - i : STRETCH);
 }
 
 int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const uint8_t *row,

@@ -181,6 +181,96 @@ static void weak_corners_do_not_displace_strong_ones(void **state)
     free(memory);
 }
 
+/* ---- thresholds of rows ---------------------------------------------------------------------- */
+
+enum { LEAST = 7, STRONG = 20, REGION_PX = 72, BORDER = 19 };
+
+static uint8_t scores[480 * 640], seen[3][640];
+
+/* Scores that crowd, in regions where none, weak ones, strong ones or very strong ones occur. */
+static void fill_scores(uint32_t level, uint32_t seed)
+{
+    static const uint32_t most[] = {1, STRONG - LEAST, 60, 240};
+    struct fv_random random;
+    uint32_t strength[8][10];
+    fv_random_seed(&random, seed + level);
+    for (int r = 0; r < 8; r++)
+        for (int c = 0; c < 10; c++)
+            strength[r][c] = most[fv_random_below(&random, 4)];
+    for (int32_t y = 0; y < height[level]; y++)
+        for (int32_t x = 0; x < width[level]; x++) {
+            const uint32_t some = strength[y / REGION_PX][x / REGION_PX],
+                           value = fv_random_below(&random, some);
+            scores[y * 640 + x] =
+                some > 1 && fv_random_below(&random, 3) > 0 ? (uint8_t)(LEAST + value) : 0;
+        }
+}
+
+static bool is_peak(const uint8_t *above, const uint8_t *row, const uint8_t *below, int32_t x)
+{
+    bool greater = row[x] > row[x - 1] && row[x] > row[x + 1];
+    for (int32_t i = x - 1; i <= x + 1; i++)
+        greater = greater && row[x] > above[i] && row[x] > below[i];
+    return greater;
+}
+
+/* Offer the peaks of a level among the scores that reach the thresholds, which are asked for row by
+ * row; or, with `all`, among all. Returns how many scores were left out. */
+static uint32_t offer_peaks(struct fv_spread *spread, uint32_t level, bool all)
+{
+    uint8_t thresholds[640 + 64];
+    uint32_t left_out = 0;
+    memset(thresholds, LEAST, sizeof thresholds);
+    for (int32_t y = BORDER - 1; y < height[level] - BORDER + 1; y++) {
+        uint8_t *row = seen[y % 3];
+        for (int32_t x = 0; x < width[level]; x++) {
+            const uint8_t score = scores[y * 640 + x];
+            row[x] = all || score >= thresholds[x] ? score : 0;
+            left_out += row[x] != score;
+        }
+        const int32_t before = y - 1;
+        if (before < BORDER) continue;
+        for (int32_t x = BORDER; x < width[level] - BORDER; x++)
+            if (is_peak(seen[(before + 2) % 3], seen[before % 3], row, x))
+                fv_spread_offer(spread, level, x, before, seen[before % 3][x]);
+        fv_spread_thresholds(spread, level, before + 2, LEAST, thresholds);
+    }
+    return left_out;
+}
+
+static void scores_below_the_thresholds_of_rows_change_nothing(void **state)
+{
+    (void)state;
+    struct fv_spread whole, spared;
+    struct fv_corner expected[COUNT_MAX], found[COUNT_MAX];
+    void *memory[2] = {carved(carve, &whole), carved(carve, &spared)};
+    for (uint32_t seed = 0; seed < 12; seed++) {
+        const uint32_t asked = 100 + 40 * seed;
+        const uint8_t per_cell = seed % 2 ? 3 : FV_SPREAD_KEPT;
+        uint32_t left_out = 0;
+        fv_spread_begin(&whole, asked, STRONG, per_cell);
+        fv_spread_begin(&spared, asked, STRONG, per_cell);
+        for (uint32_t level = LEVELS; level-- > 0;) {
+            fill_scores(level, 10 * seed);
+            assert_int_equal(offer_peaks(&whole, level, true), 0);
+            left_out += offer_peaks(&spared, level, false);
+            for (int32_t i = 0; i < whole.level[level].columns * whole.level[level].rows; i++) {
+                const struct fv_spread_cell *a = &whole.level[level].cells[i],
+                                            *b = &spared.level[level].cells[i];
+                assert_memory_equal(a->best, b->best, sizeof a->best);
+                assert_int_equal(a->count, b->count);
+            }
+            assert_memory_equal(whole.cover, spared.cover, FV_SPREAD_FIELDS * sizeof *whole.cover);
+        }
+        assert_true(left_out > 20000);
+        const uint32_t count = fv_spread_pick(&whole, expected);
+        assert_int_equal(fv_spread_pick(&spared, found), count);
+        assert_memory_equal(expected, found, count * sizeof *expected);
+    }
+    free(memory[0]);
+    free(memory[1]);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -190,6 +280,7 @@ int main(void)
         cmocka_unit_test(the_strongest_win_and_ties_go_to_the_first),
         cmocka_unit_test(another_measure_decides_among_those_that_are_kept),
         cmocka_unit_test(weak_corners_do_not_displace_strong_ones),
+        cmocka_unit_test(scores_below_the_thresholds_of_rows_change_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

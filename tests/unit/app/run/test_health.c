@@ -284,9 +284,9 @@ static void wrong_shrink(uint8_t *out, const uint8_t *in, int32_t count)
 }
 
 static void wrong_score(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
-                        int32_t count, int32_t threshold)
+                        const uint8_t *thresholds, int32_t count)
 {
-    right.fast_score_u8(scores, pixels, stride_bytes, count, threshold);
+    right.fast_score_u8(scores, pixels, stride_bytes, thresholds, count);
     for (int32_t i = 0; i < count; i++)
         if (scores[i] > 20) scores[i]--;
 }
