@@ -62,23 +62,48 @@ void fv_k_fast_score_u8__avx2(uint8_t *scores, const uint8_t *pixels, ptrdiff_t 
                       count - i < FV_FAST_STRETCH ? count - i : FV_FAST_STRETCH);
 }
 
+/* Bit k of the result: pixel k of 32 is greater than its eight neighbours. */
+static inline uint32_t peaks(const uint8_t *above, const uint8_t *row, const uint8_t *below)
+{
+    __m256i around = MAX(load(row - 1), load(row + 1));
+    around = MAX(around, MAX(MAX(load(above - 1), load(above)), load(above + 1)));
+    around = MAX(around, MAX(MAX(load(below - 1), load(below)), load(below + 1)));
+    /* A lane of the saturated difference is zero where the centre is not greater. */
+    const __m256i lower =
+        _mm256_cmpeq_epi8(_mm256_subs_epu8(load(row), around), _mm256_setzero_si256());
+    return ~(uint32_t)_mm256_movemask_epi8(lower);
+}
+
+/* Lists of groups instead of branches, as above: of those with scores, then of those with peaks. */
+static int32_t peaks_of_stretch(uint16_t *columns, const uint8_t *above, const uint8_t *row,
+                                const uint8_t *below, int32_t from, int32_t to)
+{
+    int32_t groups[FV_FAST_STRETCH / 32 + 1], scored = 0, peaked = 0, found = 0;
+    uint32_t of_group[FV_FAST_STRETCH / 32 + 1];
+    for (int32_t i = from; i < to; i += 32) {
+        const __m256i scores = load(row + i);
+        groups[scored] = i;
+        scored += !_mm256_testz_si256(scores, scores);
+    }
+    for (int32_t k = 0; k < scored; k++) {
+        const int32_t i = groups[k];
+        const uint32_t within = to - i < 32 ? (1u << (to - i)) - 1u : UINT32_MAX;
+        groups[peaked] = i;
+        of_group[peaked] = peaks(above + i, row + i, below + i) & within;
+        peaked += of_group[peaked] != 0;
+    }
+    for (int32_t k = 0; k < peaked; k++)
+        for (uint32_t left = of_group[k]; left != 0; left &= left - 1)
+            columns[found++] = (uint16_t)(groups[k] + __builtin_ctz(left));
+    return found;
+}
+
 int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const uint8_t *row,
                                  const uint8_t *below, int32_t from, int32_t to)
 {
     int32_t found = 0;
-    for (int32_t i = from; i < to; i += 32) {
-        const __m256i centre = load(row + i);
-        if (_mm256_testz_si256(centre, centre)) continue;
-        __m256i around = MAX(load(row + i - 1), load(row + i + 1));
-        around = MAX(around, MAX(MAX(load(above + i - 1), load(above + i)), load(above + i + 1)));
-        around = MAX(around, MAX(MAX(load(below + i - 1), load(below + i)), load(below + i + 1)));
-        /* A lane of the saturated difference is zero where the centre is not greater. */
-        const __m256i lower =
-            _mm256_cmpeq_epi8(_mm256_subs_epu8(centre, around), _mm256_setzero_si256());
-        uint32_t peaks = ~(uint32_t)_mm256_movemask_epi8(lower);
-        if (to - i < 32) peaks &= (1u << (to - i)) - 1u;
-        for (; peaks != 0; peaks &= peaks - 1)
-            columns[found++] = (uint16_t)(i + __builtin_ctz(peaks));
-    }
+    for (int32_t i = from; i < to; i += FV_FAST_STRETCH)
+        found += peaks_of_stretch(columns + found, above, row, below, i,
+                                  to - i < FV_FAST_STRETCH ? to : i + FV_FAST_STRETCH);
     return found;
 }

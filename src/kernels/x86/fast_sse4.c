@@ -101,22 +101,47 @@ void fv_k_fast_score_u8__sse4(uint8_t *scores, const uint8_t *pixels, ptrdiff_t 
                       count - i < STRETCH ? count - i : STRETCH);
 }
 
+/* Bit k of the result: pixel k of sixteen is greater than its eight neighbours. */
+static inline uint32_t peaks(const uint8_t *above, const uint8_t *row, const uint8_t *below)
+{
+    __m128i around = MAX(load(row - 1), load(row + 1));
+    around = MAX(around, MAX(MAX(load(above - 1), load(above)), load(above + 1)));
+    around = MAX(around, MAX(MAX(load(below - 1), load(below)), load(below + 1)));
+    /* A lane of the saturated difference is zero where the centre is not greater. */
+    const __m128i lower = _mm_cmpeq_epi8(_mm_subs_epu8(load(row), around), _mm_setzero_si128());
+    return (uint32_t)_mm_movemask_epi8(lower) ^ 0xffffu;
+}
+
+/* Lists of groups instead of branches, as above: of those with scores, then of those with peaks. */
+static int32_t peaks_of_stretch(uint16_t *columns, const uint8_t *above, const uint8_t *row,
+                                const uint8_t *below, int32_t from, int32_t to)
+{
+    int32_t groups[STRETCH / 16 + 1], scored = 0, peaked = 0, found = 0;
+    uint32_t of_group[STRETCH / 16 + 1];
+    for (int32_t i = from; i < to; i += 16) {
+        const __m128i scores = load(row + i);
+        groups[scored] = i;
+        scored += !_mm_testz_si128(scores, scores);
+    }
+    for (int32_t k = 0; k < scored; k++) {
+        const int32_t i = groups[k];
+        const uint32_t within = to - i < 16 ? (1u << (to - i)) - 1u : 0xffffu;
+        groups[peaked] = i;
+        of_group[peaked] = peaks(above + i, row + i, below + i) & within;
+        peaked += of_group[peaked] != 0;
+    }
+    for (int32_t k = 0; k < peaked; k++)
+        for (uint32_t left = of_group[k]; left != 0; left &= left - 1)
+            columns[found++] = (uint16_t)(groups[k] + __builtin_ctz(left));
+    return found;
+}
+
 int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const uint8_t *row,
                                  const uint8_t *below, int32_t from, int32_t to)
 {
     int32_t found = 0;
-    for (int32_t i = from; i < to; i += 16) {
-        const __m128i centre = load(row + i);
-        if (_mm_testz_si128(centre, centre)) continue;
-        __m128i around = MAX(load(row + i - 1), load(row + i + 1));
-        around = MAX(around, MAX(MAX(load(above + i - 1), load(above + i)), load(above + i + 1)));
-        around = MAX(around, MAX(MAX(load(below + i - 1), load(below + i)), load(below + i + 1)));
-        /* A lane of the saturated difference is zero where the centre is not greater. */
-        const __m128i lower = _mm_cmpeq_epi8(_mm_subs_epu8(centre, around), _mm_setzero_si128());
-        uint32_t peaks = (uint32_t)_mm_movemask_epi8(lower) ^ 0xffffu;
-        if (to - i < 16) peaks &= (1u << (to - i)) - 1u;
-        for (; peaks != 0; peaks &= peaks - 1)
-            columns[found++] = (uint16_t)(i + __builtin_ctz(peaks));
-    }
+    for (int32_t i = from; i < to; i += STRETCH)
+        found += peaks_of_stretch(columns + found, above, row, below, i,
+                                  to - i < STRETCH ? to : i + STRETCH);
     return found;
 }
