@@ -1,20 +1,41 @@
 #include "kernels/kernels.h"
 
+#include <stdbool.h>
+
 #include <immintrin.h>
 
-/* As the SSE4 variant, twice as wide; all shuffles stay within lanes but for the last pack. */
-static inline __m256i blur7_column(const uint8_t *const rows[7], int32_t x)
+/* As the SSE4 variant, twice as wide; all shuffles stay within lanes but for those that bring the
+ * halves together. */
+static inline __m256i blur7_two_rows(__m256i a, __m256i b, bool high, int weight_a, int weight_b)
+{
+    const __m256i both = high ? _mm256_unpackhi_epi8(a, b) : _mm256_unpacklo_epi8(a, b);
+    return _mm256_maddubs_epi16(both, _mm256_set1_epi16((int16_t)(weight_b << 8 | weight_a)));
+}
+
+/* Sums of eight columns of each lane: the lower ones or the higher ones. */
+static inline __m256i blur7_columns(const __m256i r[7], bool high)
+{
+    const __m256i outer = blur7_two_rows(r[0], r[6], high, 9, 9),
+                  middle = blur7_two_rows(r[1], r[5], high, 17, 17);
+    const __m256i inner = blur7_two_rows(r[2], r[4], high, 24, 24);
+    const __m256i centre = blur7_two_rows(r[3], _mm256_setzero_si256(), high, 28, 0);
+    return _mm256_add_epi16(_mm256_add_epi16(outer, middle), _mm256_add_epi16(inner, centre));
+}
+
+static inline void blur7_down(const uint8_t *const rows[7], int32_t x, uint16_t *column)
 {
     __m256i r[7];
     for (int i = 0; i < 7; i++)
-        r[i] = _mm256_cvtepu8_epi16(_mm_loadu_si128((const __m128i *)(rows[i] + x)));
-    const __m256i outer = _mm256_mullo_epi16(_mm256_add_epi16(r[0], r[6]), _mm256_set1_epi16(18));
-    const __m256i middle = _mm256_mullo_epi16(_mm256_add_epi16(r[1], r[5]), _mm256_set1_epi16(34));
-    const __m256i inner = _mm256_mullo_epi16(_mm256_add_epi16(r[2], r[4]), _mm256_set1_epi16(48));
-    const __m256i centre = _mm256_mullo_epi16(r[3], _mm256_set1_epi16(56));
-    const __m256i sum =
-        _mm256_add_epi16(_mm256_add_epi16(outer, middle), _mm256_add_epi16(inner, centre));
-    return _mm256_xor_si256(sum, _mm256_set1_epi16(INT16_MIN));
+        r[i] = _mm256_loadu_si256((const __m256i *)(rows[i] + x));
+    const __m256i low = blur7_columns(r, false), high = blur7_columns(r, true);
+    _mm256_storeu_si256((__m256i *)(column + x), _mm256_permute2x128_si256(low, high, 0x20));
+    _mm256_storeu_si256((__m256i *)(column + x + 16), _mm256_permute2x128_si256(low, high, 0x31));
+}
+
+/* A pair of weights for a pair of columns, times 4. */
+static inline __m256i blur7_weights(int first, int second)
+{
+    return _mm256_set1_epi32(4 * second << 16 | 4 * first);
 }
 
 static inline __m256i blur7_sixteen(const uint16_t *column)
@@ -23,19 +44,19 @@ static inline __m256i blur7_sixteen(const uint16_t *column)
     const __m256i b = _mm256_loadu_si256((const __m256i *)(column - 1));
     const __m256i c = _mm256_loadu_si256((const __m256i *)(column + 1));
     const __m256i d = _mm256_loadu_si256((const __m256i *)(column + 3));
-    const __m256i bias = _mm256_set1_epi32(256 * 32768 + 32768);
+    const __m256i half = _mm256_set1_epi32(32768);
     const __m256i even =
-        _mm256_add_epi32(_mm256_add_epi32(_mm256_madd_epi16(a, _mm256_set1_epi32(34 << 16 | 18)),
-                                          _mm256_madd_epi16(b, _mm256_set1_epi32(56 << 16 | 48))),
-                         _mm256_add_epi32(_mm256_madd_epi16(c, _mm256_set1_epi32(34 << 16 | 48)),
-                                          _mm256_madd_epi16(d, _mm256_set1_epi32(18))));
+        _mm256_add_epi32(_mm256_add_epi32(_mm256_madd_epi16(a, blur7_weights(9, 17)),
+                                          _mm256_madd_epi16(b, blur7_weights(24, 28))),
+                         _mm256_add_epi32(_mm256_madd_epi16(c, blur7_weights(24, 17)),
+                                          _mm256_madd_epi16(d, blur7_weights(9, 0))));
     const __m256i odd =
-        _mm256_add_epi32(_mm256_add_epi32(_mm256_madd_epi16(a, _mm256_set1_epi32(18 << 16)),
-                                          _mm256_madd_epi16(b, _mm256_set1_epi32(48 << 16 | 34))),
-                         _mm256_add_epi32(_mm256_madd_epi16(c, _mm256_set1_epi32(48 << 16 | 56)),
-                                          _mm256_madd_epi16(d, _mm256_set1_epi32(18 << 16 | 34))));
-    return _mm256_blend_epi16(_mm256_srli_epi32(_mm256_add_epi32(even, bias), 16),
-                              _mm256_add_epi32(odd, bias), 0xaa);
+        _mm256_add_epi32(_mm256_add_epi32(_mm256_madd_epi16(a, blur7_weights(0, 9)),
+                                          _mm256_madd_epi16(b, blur7_weights(17, 24))),
+                         _mm256_add_epi32(_mm256_madd_epi16(c, blur7_weights(28, 24)),
+                                          _mm256_madd_epi16(d, blur7_weights(17, 9))));
+    return _mm256_blend_epi16(_mm256_srli_epi32(_mm256_add_epi32(even, half), 16),
+                              _mm256_add_epi32(odd, half), 0xaa);
 }
 
 void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t width,
@@ -47,10 +68,10 @@ void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t
     }
     const uint8_t *const row[7] = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
     uint16_t *column = scratch + 16;
-    for (int32_t x = 0;; x += 16) {
-        if (x > width - 16) x = width - 16; /* the last vector overlaps the one before */
-        _mm256_storeu_si256((__m256i *)(column + x), blur7_column(row, x));
-        if (x == width - 16) break;
+    for (int32_t x = 0;; x += 32) {
+        if (x > width - 32) x = width - 32; /* the last vector overlaps the one before */
+        blur7_down(row, x, column);
+        if (x == width - 32) break;
     }
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
         column[-i] = column[i];

@@ -1,21 +1,41 @@
 #include "kernels/kernels.h"
 
+#include <stdbool.h>
+
 #include <immintrin.h>
 
-/* Columns of eight pixels. The sums go up to 65280; moved down by 32768 they fit the signed words
- * of pmaddwd.
- */
-static inline __m128i blur7_column(const uint8_t *const rows[7], int32_t x)
+/* The weights halved, 9 17 24 28 24 17 9: then a sum down a column has 15 bits, which multiply-adds
+ * of signed words take, and along the row they are doubled again, so that 16 bits are rounded off
+ * as the contract says. */
+static inline __m128i blur7_two_rows(__m128i a, __m128i b, bool high, int weight_a, int weight_b)
+{
+    const __m128i both = high ? _mm_unpackhi_epi8(a, b) : _mm_unpacklo_epi8(a, b);
+    return _mm_maddubs_epi16(both, _mm_set1_epi16((int16_t)(weight_b << 8 | weight_a)));
+}
+
+/* Sums of the lower eight columns of sixteen or of the higher ones. */
+static inline __m128i blur7_columns(const __m128i r[7], bool high)
+{
+    const __m128i outer = blur7_two_rows(r[0], r[6], high, 9, 9),
+                  middle = blur7_two_rows(r[1], r[5], high, 17, 17);
+    const __m128i inner = blur7_two_rows(r[2], r[4], high, 24, 24);
+    const __m128i centre = blur7_two_rows(r[3], _mm_setzero_si128(), high, 28, 0);
+    return _mm_add_epi16(_mm_add_epi16(outer, middle), _mm_add_epi16(inner, centre));
+}
+
+static inline void blur7_down(const uint8_t *const rows[7], int32_t x, uint16_t *column)
 {
     __m128i r[7];
     for (int i = 0; i < 7; i++)
-        r[i] = _mm_cvtepu8_epi16(_mm_loadl_epi64((const __m128i *)(rows[i] + x)));
-    const __m128i outer = _mm_mullo_epi16(_mm_add_epi16(r[0], r[6]), _mm_set1_epi16(18));
-    const __m128i middle = _mm_mullo_epi16(_mm_add_epi16(r[1], r[5]), _mm_set1_epi16(34));
-    const __m128i inner = _mm_mullo_epi16(_mm_add_epi16(r[2], r[4]), _mm_set1_epi16(48));
-    const __m128i centre = _mm_mullo_epi16(r[3], _mm_set1_epi16(56));
-    const __m128i sum = _mm_add_epi16(_mm_add_epi16(outer, middle), _mm_add_epi16(inner, centre));
-    return _mm_xor_si128(sum, _mm_set1_epi16(INT16_MIN));
+        r[i] = _mm_loadu_si128((const __m128i *)(rows[i] + x));
+    _mm_storeu_si128((__m128i *)(column + x), blur7_columns(r, false));
+    _mm_storeu_si128((__m128i *)(column + x + 8), blur7_columns(r, true));
+}
+
+/* A pair of weights for a pair of columns, times 4. */
+static inline __m128i blur7_weights(int first, int second)
+{
+    return _mm_set1_epi32(4 * second << 16 | 4 * first);
 }
 
 /* Eight outputs as words: the same four loads serve the even and the odd pixels. */
@@ -25,18 +45,16 @@ static inline __m128i blur7_eight(const uint16_t *column)
     const __m128i b = _mm_loadu_si128((const __m128i *)(column - 1));
     const __m128i c = _mm_loadu_si128((const __m128i *)(column + 1));
     const __m128i d = _mm_loadu_si128((const __m128i *)(column + 3));
-    const __m128i bias = _mm_set1_epi32(256 * 32768 + 32768);
-    const __m128i even =
-        _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, _mm_set1_epi32(34 << 16 | 18)),
-                                    _mm_madd_epi16(b, _mm_set1_epi32(56 << 16 | 48))),
-                      _mm_add_epi32(_mm_madd_epi16(c, _mm_set1_epi32(34 << 16 | 48)),
-                                    _mm_madd_epi16(d, _mm_set1_epi32(18))));
-    const __m128i odd =
-        _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, _mm_set1_epi32(18 << 16)),
-                                    _mm_madd_epi16(b, _mm_set1_epi32(48 << 16 | 34))),
-                      _mm_add_epi32(_mm_madd_epi16(c, _mm_set1_epi32(48 << 16 | 56)),
-                                    _mm_madd_epi16(d, _mm_set1_epi32(18 << 16 | 34))));
-    return _mm_blend_epi16(_mm_srli_epi32(_mm_add_epi32(even, bias), 16), _mm_add_epi32(odd, bias),
+    const __m128i half = _mm_set1_epi32(32768);
+    const __m128i even = _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, blur7_weights(9, 17)),
+                                                     _mm_madd_epi16(b, blur7_weights(24, 28))),
+                                       _mm_add_epi32(_mm_madd_epi16(c, blur7_weights(24, 17)),
+                                                     _mm_madd_epi16(d, blur7_weights(9, 0))));
+    const __m128i odd = _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, blur7_weights(0, 9)),
+                                                    _mm_madd_epi16(b, blur7_weights(17, 24))),
+                                      _mm_add_epi32(_mm_madd_epi16(c, blur7_weights(28, 24)),
+                                                    _mm_madd_epi16(d, blur7_weights(17, 9))));
+    return _mm_blend_epi16(_mm_srli_epi32(_mm_add_epi32(even, half), 16), _mm_add_epi32(odd, half),
                            0xaa);
 }
 
@@ -49,10 +67,10 @@ void fv_k_blur7_row_u8__sse4(uint8_t *out, const uint8_t *const rows[7], int32_t
     }
     const uint8_t *const row[7] = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
     uint16_t *column = scratch + 8;
-    for (int32_t x = 0;; x += 8) {
-        if (x > width - 8) x = width - 8; /* the last vector overlaps the one before */
-        _mm_storeu_si128((__m128i *)(column + x), blur7_column(row, x));
-        if (x == width - 8) break;
+    for (int32_t x = 0;; x += 16) {
+        if (x > width - 16) x = width - 16; /* the last vector overlaps the one before */
+        blur7_down(row, x, column);
+        if (x == width - 16) break;
     }
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
         column[-i] = column[i];
