@@ -2,26 +2,29 @@
 
 #include <immintrin.h>
 
-/* Largest minimum and smallest maximum over all arcs of nine of the circle, by doubling: arcs of
- * two, four, eight, and one more. */
+/* Largest minimum and smallest maximum over all arcs of nine of the circle. Two arcs that differ in
+ * their ends share eight pixels: min over them once, by doubling, then the better of the two ends.
+ */
 static inline void corner_arcs(const __m128i ring[16], __m128i *brightest, __m128i *darkest)
 {
-    __m128i low[16], high[16], low_4[16], high_4[16];
-    for (int i = 0; i < 16; i++) {
-        low[i] = _mm_min_epu8(ring[i], ring[(i + 1) % 16]);
-        high[i] = _mm_max_epu8(ring[i], ring[(i + 1) % 16]);
+    __m128i low[8], high[8], low_4[8], high_4[8];
+    for (int i = 0; i < 8; i++) {
+        low[i] = _mm_min_epu8(ring[2 * i + 1], ring[(2 * i + 2) % 16]);
+        high[i] = _mm_max_epu8(ring[2 * i + 1], ring[(2 * i + 2) % 16]);
     }
-    for (int i = 0; i < 16; i++) {
-        low_4[i] = _mm_min_epu8(low[i], low[(i + 2) % 16]);
-        high_4[i] = _mm_max_epu8(high[i], high[(i + 2) % 16]);
+    for (int i = 0; i < 8; i++) {
+        low_4[i] = _mm_min_epu8(low[i], low[(i + 1) % 8]);
+        high_4[i] = _mm_max_epu8(high[i], high[(i + 1) % 8]);
     }
     *brightest = _mm_setzero_si128();
     *darkest = _mm_set1_epi8(-1);
-    for (int i = 0; i < 16; i++) {
-        const __m128i low_8 = _mm_min_epu8(low_4[i], low_4[(i + 4) % 16]);
-        const __m128i high_8 = _mm_max_epu8(high_4[i], high_4[(i + 4) % 16]);
-        *brightest = _mm_max_epu8(*brightest, _mm_min_epu8(low_8, ring[(i + 8) % 16]));
-        *darkest = _mm_min_epu8(*darkest, _mm_max_epu8(high_8, ring[(i + 8) % 16]));
+    for (int i = 0; i < 8; i++) {
+        const __m128i one_end = ring[2 * i], other_end = ring[(2 * i + 9) % 16];
+        const __m128i low_8 = _mm_min_epu8(low_4[i], low_4[(i + 2) % 8]);
+        const __m128i high_8 = _mm_max_epu8(high_4[i], high_4[(i + 2) % 8]);
+        *brightest =
+            _mm_max_epu8(*brightest, _mm_min_epu8(low_8, _mm_max_epu8(one_end, other_end)));
+        *darkest = _mm_min_epu8(*darkest, _mm_max_epu8(high_8, _mm_min_epu8(one_end, other_end)));
     }
 }
 
