@@ -72,20 +72,30 @@ static void put_bits(struct fv_jpeg *jpeg, uint8_t *output, uint32_t bits, uint3
     }
 }
 
-/* Code of one symbol, found by walking the canonical code (T.81 annex C): at most 16 steps. */
-static void put_symbol(struct fv_jpeg *jpeg, uint8_t *output, const uint8_t counts[16],
-                       const uint8_t *values, uint8_t symbol)
+/* The codes of all symbols. */
+struct codes {
+    uint16_t code[256];
+    uint8_t length[256]; /* 0: no such symbol */
+};
+
+/* The canonical code (T.81 annex C). */
+static void make_codes(const uint8_t counts[16], const uint8_t *values, struct codes *codes)
 {
     uint32_t code = 0, index = 0;
+    memset(codes, 0, sizeof *codes);
     for (uint32_t length = 1; length <= 16; length++) {
         for (uint32_t i = 0; i < counts[length - 1]; i++, index++, code++) {
-            if (values[index] == symbol) {
-                put_bits(jpeg, output, code, length);
-                return;
-            }
+            codes->code[values[index]] = (uint16_t)code;
+            codes->length[values[index]] = (uint8_t)length;
         }
         code <<= 1;
     }
+}
+
+static void put_symbol(struct fv_jpeg *jpeg, uint8_t *output, const struct codes *codes,
+                       uint8_t symbol)
+{
+    put_bits(jpeg, output, codes->code[symbol], codes->length[symbol]);
 }
 
 static void put_table(struct fv_jpeg *jpeg, uint8_t *output, uint32_t table_class,
@@ -182,21 +192,17 @@ static void load_block(const struct fv_jpeg *jpeg, const struct fv_plane *pictur
 
 /* A coefficient is coded as the symbol (zeros before it, bits of its magnitude) and that many bits.
  */
-static void put_coefficient(struct fv_jpeg *jpeg, uint8_t *output, uint32_t zeros, int32_t value,
-                            bool dc)
+static void put_coefficient(struct fv_jpeg *jpeg, uint8_t *output, const struct codes *codes,
+                            uint32_t zeros, int32_t value)
 {
-    uint32_t magnitude = (uint32_t)(value < 0 ? -value : value), size = 0;
-    while (magnitude >> size)
-        size++;
-    if (dc) {
-        put_symbol(jpeg, output, dc_counts, dc_values, (uint8_t)size);
-    } else {
-        put_symbol(jpeg, output, ac_counts, ac_values, (uint8_t)(zeros << 4 | size));
-    }
+    const uint32_t magnitude = (uint32_t)(value < 0 ? -value : value),
+                   size = magnitude == 0 ? 0 : 32 - (uint32_t)__builtin_clz(magnitude);
+    put_symbol(jpeg, output, codes, (uint8_t)(zeros << 4 | size));
     if (size > 0) put_bits(jpeg, output, (uint32_t)(value < 0 ? value - 1 : value), size);
 }
 
-static void encode_block(struct fv_jpeg *jpeg, const struct fv_plane *picture, uint8_t *output)
+static void encode_block(struct fv_jpeg *jpeg, const struct fv_plane *picture,
+                         const struct codes *dc, const struct codes *ac, uint8_t *output)
 {
     int32_t values[64];
     load_block(jpeg, picture, values);
@@ -207,30 +213,33 @@ static void encode_block(struct fv_jpeg *jpeg, const struct fv_plane *picture, u
     uint32_t zeros = 0;
     for (uint32_t k = 0; k < 64; k++) {
         const int32_t divisor = jpeg->quantiser[zigzag[k]] * 16;
-        const int32_t value = values[zigzag[k]];
-        int32_t level = (2 * (value < 0 ? -value : value) + divisor) / (2 * divisor);
+        const int32_t value = values[zigzag[k]], twice = 2 * (value < 0 ? -value : value);
+        int32_t level = twice < divisor ? 0 : (twice + divisor) / (2 * divisor); /* mostly 0 */
         if (level > 1023) level = 1023; /* the most that baseline AC codes hold */
         if (value < 0) level = -level;
         if (k == 0) {
-            put_coefficient(jpeg, output, 0, level - jpeg->last_dc, true);
+            put_coefficient(jpeg, output, dc, 0, level - jpeg->last_dc);
             jpeg->last_dc = level;
         } else if (level == 0) {
             zeros++;
         } else {
             for (; zeros >= 16; zeros -= 16)
-                put_symbol(jpeg, output, ac_counts, ac_values, SIXTEEN_ZEROS);
-            put_coefficient(jpeg, output, zeros, level, false);
+                put_symbol(jpeg, output, ac, SIXTEEN_ZEROS);
+            put_coefficient(jpeg, output, ac, zeros, level);
             zeros = 0;
         }
     }
-    if (zeros > 0) put_symbol(jpeg, output, ac_counts, ac_values, END_OF_BLOCK);
+    if (zeros > 0) put_symbol(jpeg, output, ac, END_OF_BLOCK);
 }
 
 bool fv_jpeg_encode(struct fv_jpeg *jpeg, const struct fv_plane *picture, uint32_t block_count,
                     uint8_t *output)
 {
+    struct codes dc, ac;
+    make_codes(dc_counts, dc_values, &dc);
+    make_codes(ac_counts, ac_values, &ac);
     for (uint32_t i = 0; i < block_count && jpeg->block < jpeg->blocks && !jpeg->overflow; i++) {
-        encode_block(jpeg, picture, output);
+        encode_block(jpeg, picture, &dc, &ac, output);
         jpeg->block++;
     }
     if (jpeg->overflow) return true;
