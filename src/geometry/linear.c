@@ -67,15 +67,30 @@ bool fv_invert_symmetric3(const double S[6], double inverse[6])
     return true;
 }
 
-/* Rotate rows p and q of S and V so that S[p][q] vanishes. */
-static void jacobi_rotate(double *S, double *V, int n, int p, int q)
+/* Cosine and sine of the turn whose double has the cotangent theta. Beyond 2^27 and below 2^500 the
+ * ones added to the squares of theta and t are rounded off, and the root of a rounded square is its
+ * number again: what follows then without roots has the same bits. */
+static inline void jacobi_turn(double theta, double *c, double *s)
 {
-    double off = S[n * p + q];
+    const double size = fv_abs(theta);
+    if (size > 0x1p27 && size < 0x1p500) {
+        *c = 1;
+        *s = 1 / (theta + theta);
+        return;
+    }
+    const double root = __builtin_sqrt(theta * theta + 1);
+    const double t = 1 / (theta >= 0 ? theta + root : theta - root);
+    *c = 1 / __builtin_sqrt(t * t + 1);
+    *s = t * *c;
+}
+
+/* Rotate rows p and q of S and V so that S[p][q] vanishes. */
+static inline __attribute__((always_inline)) void jacobi_rotate(double *S, double *V, int n, int p,
+                                                                int q)
+{
+    double off = S[n * p + q], c, s;
     if (off == 0) return;
-    double theta = (S[n * q + q] - S[n * p + p]) / (2 * off),
-           root = __builtin_sqrt(theta * theta + 1);
-    double t = 1 / (theta >= 0 ? theta + root : theta - root), c = 1 / __builtin_sqrt(t * t + 1),
-           s = t * c;
+    jacobi_turn((S[n * q + q] - S[n * p + p]) / (2 * off), &c, &s);
     for (int k = 0; k < n; k++) {
         double a = S[n * k + p], b = S[n * k + q];
         S[n * k + p] = c * a - s * b;
@@ -90,16 +105,27 @@ static void jacobi_rotate(double *S, double *V, int n, int p, int q)
     }
 }
 
+/* Inlined, so that constant sizes unroll. */
+static inline __attribute__((always_inline)) void jacobi_sweeps(double *S, double *V, int n)
+{
+    for (int sweep = 0; sweep < 8; sweep++)
+        for (int p = 0; p < n - 1; p++)
+            for (int q = p + 1; q < n; q++)
+                jacobi_rotate(S, V, n, p, q);
+}
+
 void fv_eigen_symmetric(const double *input, int n, double *values, double *V)
 {
     double S[FV_EIGEN_SIZE_MAX * FV_EIGEN_SIZE_MAX], W[FV_EIGEN_SIZE_MAX * FV_EIGEN_SIZE_MAX] = {0};
     memcpy(S, input, (size_t)(n * n) * sizeof *S);
     for (int k = 0; k < n; k++)
         W[(n + 1) * k] = 1;
-    for (int sweep = 0; sweep < 8; sweep++)
-        for (int p = 0; p < n - 1; p++)
-            for (int q = p + 1; q < n; q++)
-                jacobi_rotate(S, W, n, p, q);
+    if (n == 3)
+        jacobi_sweeps(S, W, 3);
+    else if (n == 4)
+        jacobi_sweeps(S, W, 4);
+    else
+        jacobi_sweeps(S, W, n);
     bool taken[FV_EIGEN_SIZE_MAX] = {false};
     for (int row = 0; row < n; row++) { /* equal ones in the order in which they stand */
         int best = -1;
