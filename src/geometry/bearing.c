@@ -197,11 +197,14 @@ static void pairs_start(const struct fv_bearing_table *table, const float (*pixe
 
 static void pairs_project(const struct fovea_camera *camera, struct ray_pair *pair, int count)
 {
-    const double radius_max = fv_tan(camera->field_max_rad);
+    const double field = camera->field_max_rad;
     const bool rational = camera->k[5] != 0 || camera->k[6] != 0 || camera->k[7] != 0;
     for (int k = 0; k < count; k++, pair++) {
         fv_pair pixel[2];
-        pair->seen &= pair_project(camera, rational, radius_max, pair->b, pixel, pair->J);
+        fv_flags seen = pair_project(camera, rational, field, pair->b, pixel, pair->J);
+        if (!(seen[0] & seen[1])) /* a tangent is larger than its angle, and seldom needed */
+            seen = pair_project(camera, rational, fv_tan(field), pair->b, pixel, pair->J);
+        pair->seen &= seen;
         pair->e[0] -= pixel[0];
         pair->e[1] -= pixel[1];
     }

@@ -99,6 +99,21 @@ static void some_rays(const struct fv_map *map, const struct fv_pixel *points, u
     fv_bearings_of(map->bearings, map->camera, pixels, count, rays);
 }
 
+void fv_map_keypoints(const struct fv_map *map, const struct fv_pixel *points, uint32_t count,
+                      struct fv_keypoint *keypoints)
+{
+    struct fv_ray rays[RAYS_PER_BATCH];
+    for (uint32_t f = 0; f < count;) {
+        const uint32_t left = count - f, some = left < RAYS_PER_BATCH ? left : RAYS_PER_BATCH;
+        some_rays(map, points + f, some, rays);
+        for (uint32_t i = 0; i < some; i++, f++)
+            if (rays[i].seen)
+                set_keypoint(rays[i].bearing, rays[i].A, points[f].level, &keypoints[f]);
+            else
+                memset(&keypoints[f], 0, sizeof keypoints[f]);
+    }
+}
+
 void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[3])
 {
     const struct fv_map_frame frame = fv_map_frame_at(map, slot);

@@ -279,6 +279,10 @@ bool fv_map_index_frame(const struct fv_map *map, uint32_t slot);
  * bearing there; features of frames have one. */
 bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point,
                      struct fv_keypoint *keypoint);
+/* The same of several features, in less time; those without a bearing become zeros, which weigh
+ * nothing. */
+void fv_map_keypoints(const struct fv_map *map, const struct fv_pixel *points, uint32_t count,
+                      struct fv_keypoint *keypoints);
 /* Bearings of a frame's features, limits.features elements. */
 void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[3]);
 /* Weighted squared error of a feature that sees the point q (camera frame), px^2; 1e9 behind the

@@ -153,13 +153,20 @@ static double linearise(const struct fv_window_state *s, const struct fv_normal 
 /* Pixels become bearings in the first pass, so that copying the window stays one unit. */
 static void unpack(struct fv_window *w, const struct fv_window_landmark *l)
 {
-    for (uint32_t k = 0; k < l->count; k++) {
-        struct fv_window_observation *o = &w->observations[l->first + k];
-        struct fv_keypoint p;
-        if (!fv_map_keypoint(w->map, &o->seen, &p)) memset(&p, 0, sizeof p); /* weighs nothing */
-        memcpy(o->bearing, p.bearing, sizeof o->bearing);
-        memcpy(o->A, p.A, sizeof o->A);
-        o->weight = p.weight;
+    struct fv_window_observation *observations = &w->observations[l->first];
+    for (uint32_t first = 0, some; first < l->count; first += some) {
+        struct fv_pixel seen[FV_MAP_OBSERVERS_MAX];
+        struct fv_keypoint points[FV_MAP_OBSERVERS_MAX];
+        some = l->count - first < FV_MAP_OBSERVERS_MAX ? l->count - first : FV_MAP_OBSERVERS_MAX;
+        for (uint32_t k = 0; k < some; k++)
+            seen[k] = observations[first + k].seen;
+        fv_map_keypoints(w->map, seen, some, points);
+        for (uint32_t k = 0; k < some; k++) {
+            struct fv_window_observation *o = &observations[first + k];
+            memcpy(o->bearing, points[k].bearing, sizeof o->bearing);
+            memcpy(o->A, points[k].A, sizeof o->A);
+            o->weight = points[k].weight;
+        }
     }
 }
 

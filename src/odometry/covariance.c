@@ -162,16 +162,24 @@ static int find_observations(const struct fv_map *map, const struct fv_map_frame
     int count = linear_observation_of(&frame->keyframe->T_cam_world, &frame->keypoints[feature],
                                       own == NULL ? NULL : &own[feature], l->point, j->poses - 1,
                                       observations);
+    struct fv_pixel seen[FV_MAP_OBSERVERS_MAX];
+    struct fv_keypoint points[FV_MAP_OBSERVERS_MAX];
+    const struct fv_observer *taking[FV_MAP_OBSERVERS_MAX];
+    uint32_t takes = 0;
     for (uint32_t k = 0; k < l->observer_count; k++) {
-        const uint32_t slot = l->observers[k].keyframe;
-        const struct fv_map_frame from = fv_map_frame_at(map, slot);
-        struct fv_keypoint p;
-        if (j->block_of[slot] != OUTSIDE &&
-            fv_map_keypoint(map, &from.points[l->observers[k].feature], &p))
+        const struct fv_observer *observer = &l->observers[k];
+        if (j->block_of[observer->keyframe] == OUTSIDE) continue;
+        taking[takes] = observer;
+        seen[takes++] = fv_map_frame_at(map, observer->keyframe).points[observer->feature];
+    }
+    fv_map_keypoints(map, seen, takes, points);
+    for (uint32_t k = 0; k < takes; k++) {
+        const uint32_t slot = taking[k]->keyframe;
+        if (points[k].weight > 0)
             count += linear_observation_of(
-                &from.keyframe->T_cam_world, &p,
-                own == NULL ? NULL : &fv_map_distances(map, slot)[l->observers[k].feature],
-                l->point, j->block_of[slot], &observations[count]);
+                &map->keyframes[slot].T_cam_world, &points[k],
+                own == NULL ? NULL : &fv_map_distances(map, slot)[taking[k]->feature], l->point,
+                j->block_of[slot], &observations[count]);
     }
     return count;
 }

@@ -118,14 +118,12 @@ static bool new_point(const struct fv_map *map, const struct fv_creator *creator
 
 static void create_from_feature(struct fv_odometry *o, const struct fv_kernels *kernels,
                                 const struct line_search *search, uint32_t neighbour,
-                                uint32_t feature)
+                                uint32_t feature, const struct fv_keypoint *p)
 {
     const int level = search->a.points[feature].level;
-    struct fv_keypoint p;
     double bearing[3], normal[3], box[4], q[3], point[3], world[3];
-    if (!fv_map_keypoint(&o->map, &search->a.points[feature], &p)) return;
     for (int i = 0; i < 3; i++)
-        bearing[i] = (double)p.bearing[i];
+        bearing[i] = (double)p->bearing[i];
     if (!line_box(&o->map, search, bearing, box)) return;
     fv_rotate3(search->T_b_a.R, bearing, q);
     fv_cross3(search->T_b_a.t, q, normal);
@@ -153,6 +151,25 @@ static bool neighbour_holds(const struct fv_map *map, const struct fv_creation_s
     return k->used && k->generation == g->neighbour_generations[i];
 }
 
+/* From the next features without a landmark, a unit's number of them. */
+static void create_from_some(struct fv_odometry *o, const struct fv_kernels *kernels,
+                             const struct line_search *search, uint32_t neighbour)
+{
+    struct fv_creation_state *g = &o->state->creation;
+    struct fv_pixel points[UNIT_FEATURES];
+    struct fv_keypoint keypoints[UNIT_FEATURES];
+    uint32_t features[UNIT_FEATURES], count = 0;
+    for (; count < UNIT_FEATURES && g->next < search->a.keyframe->features; g->next++) {
+        if (search->a.landmark[g->next] != FV_MAP_NONE) continue;
+        points[count] = search->a.points[g->next];
+        features[count++] = g->next;
+    }
+    fv_map_keypoints(&o->map, points, count, keypoints);
+    for (uint32_t i = 0; i < count; i++)
+        if (keypoints[i].weight > 0)
+            create_from_feature(o, kernels, search, neighbour, features[i], &keypoints[i]);
+}
+
 static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_creation_state *g = &o->state->creation;
@@ -166,12 +183,7 @@ static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *ker
         struct line_search search;
         line_begin(&o->map, g->keyframe, g->neighbours[g->neighbour], &search);
         if (g->next == 0) fv_map_bearings(&o->map, g->neighbours[g->neighbour], o->creator.line);
-        for (uint32_t done = 0; done < UNIT_FEATURES && g->next < frame.keyframe->features;
-             g->next++) {
-            if (frame.landmark[g->next] != FV_MAP_NONE) continue;
-            create_from_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
-            done++;
-        }
+        create_from_some(o, kernels, &search, g->neighbours[g->neighbour]);
     } else {
         g->next = frame.keyframe->features;
     }

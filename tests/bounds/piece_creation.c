@@ -20,7 +20,9 @@ struct creating {
 static void create(void *context)
 {
     struct creating *c = context;
-    create_from_feature(c->o, &c->rt->kernels, &c->search, c->neighbour, c->feature);
+    struct fv_keypoint point;
+    fv_map_keypoints(&c->o->map, &c->search.a.points[c->feature], 1, &point);
+    create_from_feature(c->o, &c->rt->kernels, &c->search, c->neighbour, c->feature, &point);
 }
 
 static void bear(void *context)
