@@ -239,11 +239,12 @@ static int32_t gather(const struct fv_map *map, const struct fv_map_frame *frame
         for (uint32_t f = first; f < last && count < CANDIDATES_MAX; f++) {
             const struct fv_pixel *p = &frame->points[f];
             const double dx = p->x * map->pixel_px - x, dy = p->y * map->pixel_px - y;
-            if (dx * dx + dy * dy > square || (int)p->level < level_min ||
-                (int)p->level > level_max)
-                continue;
-            if (only_free && frame->landmark[f] != FV_MAP_NONE) continue;
-            candidates[count++] = (uint16_t)f;
+            /* Without branches, which would often be mispredicted. */
+            const bool within = !(dx * dx + dy * dy > square),
+                       free = frame->landmark[f] == FV_MAP_NONE;
+            candidates[count] = (uint16_t)f;
+            count += within & ((int)p->level >= level_min) & ((int)p->level <= level_max) &
+                     (free | !only_free);
         }
     }
     return count;
@@ -322,14 +323,13 @@ struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_ker
                        last = frame.cells[r * map->columns + corner[2] + 1];
         for (uint32_t f = first; f < last && count < CANDIDATES_MAX; f++) {
             const int level = frame.points[f].level;
-            if (frame.landmark[f] != FV_MAP_NONE || level < level_min || level > level_max)
-                continue;
             const double off = normal[0] * (double)bearings[f][0] +
                                normal[1] * (double)bearings[f][1] +
                                normal[2] * (double)bearings[f][2],
                          limit = limit_rad * fv_level_scale((uint32_t)level);
-            if (off * off > limit * limit) continue;
-            candidates[count++] = (uint16_t)f;
+            candidates[count] = (uint16_t)f;
+            count += (frame.landmark[f] == FV_MAP_NONE) & (level >= level_min) &
+                     (level <= level_max) & !(off * off > limit * limit);
         }
     }
     return nearest(kernels, &frame, candidates, count, descriptor);
