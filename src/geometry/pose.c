@@ -116,22 +116,6 @@ uint32_t fv_pose_sample(struct fv_observation *observations, uint32_t count,
 
 /* ---- refinement ------------------------------------------------------------------------------ */
 
-bool fv_observation_error(const double bearing[3], const double A[6], const double q[3],
-                          double error[2], double J[6])
-{
-    double along = fv_dot3(bearing, q);
-    if (!(along > 1e-9)) return false;
-    double inverse = 1 / along;
-    error[0] = fv_dot3(A, q) * inverse;
-    error[1] = fv_dot3(A + 3, q) * inverse;
-    if (J)
-        for (int i = 0; i < 3; i++) {
-            J[i] = (A[i] - error[0] * bearing[i]) * inverse;
-            J[3 + i] = (A[3 + i] - error[1] * bearing[i]) * inverse;
-        }
-    return true;
-}
-
 /* Weighted squared pixel error; derivative rows by the small motion when `rows` is not NULL.
  * Negative: behind. */
 static double pixel_error(const struct fv_se3 *T, const struct fv_observation *s,

@@ -16,6 +16,7 @@
 #include "geometry/essential.h"
 #include "geometry/inverse_distance.h"
 #include "geometry/se3.h"
+#include "geometry/vec.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -36,9 +37,22 @@ struct fv_observation {
 };
 
 /* Pixel error of a point q of the camera frame, and, when `J` is not NULL, its 2x3 derivative by q.
- * False: behind. */
-bool fv_observation_error(const double bearing[3], const double A[6], const double q[3],
-                          double error[2], double J[6]);
+ * False: behind. Inlined: it is the innermost of every refinement. */
+static inline bool fv_observation_error(const double bearing[3], const double A[6],
+                                        const double q[3], double error[2], double J[6])
+{
+    const double along = fv_dot3(bearing, q);
+    if (!(along > 1e-9)) return false;
+    const double inverse = 1 / along;
+    error[0] = fv_dot3(A, q) * inverse;
+    error[1] = fv_dot3(A + 3, q) * inverse;
+    if (J)
+        for (int i = 0; i < 3; i++) {
+            J[i] = (A[i] - error[0] * bearing[i]) * inverse;
+            J[3 + i] = (A[3 + i] - error[1] * bearing[i]) * inverse;
+        }
+    return true;
+}
 
 /* Poses from three observations (bearings only); returns their number, at most 4. */
 int fv_p3p(const double bearings[3][3], const double points[3][3],

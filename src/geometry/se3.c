@@ -49,14 +49,6 @@ void fv_se3_invert(const struct fv_se3 *T, struct fv_se3 *out)
     *out = C;
 }
 
-void fv_se3_apply(const struct fv_se3 *T, const double point[3], double out[3])
-{
-    double r[3];
-    fv_rotate3(T->R, point, r);
-    for (int i = 0; i < 3; i++)
-        out[i] = r[i] + T->t[i];
-}
-
 void fv_se3_apply_inverse(const struct fv_se3 *T, const double point[3], double out[3])
 {
     double d[3];

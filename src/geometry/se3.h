@@ -4,6 +4,8 @@
 #ifndef FOVEA_GEOMETRY_SE3_H
 #define FOVEA_GEOMETRY_SE3_H
 
+#include "geometry/vec.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -21,7 +23,16 @@ void fv_se3_identity(struct fv_se3 *T);
 /* out = A B. `out` may be either input. */
 void fv_se3_compose(const struct fv_se3 *A, const struct fv_se3 *B, struct fv_se3 *out);
 void fv_se3_invert(const struct fv_se3 *T, struct fv_se3 *out);
-void fv_se3_apply(const struct fv_se3 *T, const double point[3], double out[3]);
+
+/* R p + t. `out` may be `point`. */
+static inline void fv_se3_apply(const struct fv_se3 *T, const double point[3], double out[3])
+{
+    double r[3];
+    fv_rotate3(T->R, point, r);
+    for (int i = 0; i < 3; i++)
+        out[i] = r[i] + T->t[i];
+}
+
 /* R p + t undone. */
 void fv_se3_apply_inverse(const struct fv_se3 *T, const double point[3], double out[3]);
 
