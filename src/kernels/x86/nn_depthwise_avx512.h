@@ -58,20 +58,20 @@ FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise
                              const int KW, const int GROUPS, const int PLANES, const int above)
 {
     const int STEPS = PLANES * GROUPS * KW;
-    const ptrdiff_t step = (ptrdiff_t)d->stride_x * 256, column = (ptrdiff_t)d->dilation_x * 256,
-                    out_step = d->out_stride;
+    const ptrdiff_t step = (ptrdiff_t)d->stride_x * 256, out_step = d->out_stride;
     const __mmask64 mask = l->mask;
+    ptrdiff_t at[STEPS_MAX];
     struct held h;
     hold(&h, l, STEPS);
+    for (int s = 0; s < STEPS; s++)
+        at[s] = ((ptrdiff_t)(s / KW % GROUPS) * columns + s % KW * d->dilation_x) * 256;
     for (int32_t x = 0; x < outputs; x++, out += out_step, scratch += step) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
-#pragma GCC unroll 3
+#pragma GCC unroll 10
         for (int s = 0; s < STEPS; s++) {
-            const uint8_t *from =
-                scratch + (ptrdiff_t)(s / KW % GROUPS) * columns * 256 + s % KW * column;
 #pragma GCC unroll 4
             for (int q = 0; q < 4; q++)
-                acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q),
+                acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(scratch + at[s] + 64 * q),
                                              weights_of(&h, l, s, q, STEPS));
         }
         _mm512_mask_storeu_epi8(out, mask, finish(h.real, l, d, acc, above));
@@ -89,8 +89,12 @@ static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise
         const int32_t columns = (count - 1) * d->stride_x + span;
         interleave_columns(d, in, y, x * d->stride_x - d->pad_left, columns, l->mask, scratch);
         uint8_t *to = out + (ptrdiff_t)x * d->out_stride;
-        const int small = d->kw == 3 && groups == 1;
-        if (small && d->planes == 1 && above)
+        const int small = d->kw == 3 && groups == 1, large = d->kw == 5 && groups == 2;
+        if (large && d->planes == 1 && above)
+            block_outputs(l, d, scratch, columns, count, to, 5, 2, 1, 1);
+        else if (large && d->planes == 1)
+            block_outputs(l, d, scratch, columns, count, to, 5, 2, 1, 0);
+        else if (small && d->planes == 1 && above)
             block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 1);
         else if (small && d->planes == 1)
             block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 0);
@@ -413,14 +417,15 @@ static inline int streams_fit(const struct fv_nn_depthwise *d)
 {
     const int32_t all = d->out_w - 1 + d->kw;
     const ptrdiff_t room = (ptrdiff_t)(all < COLUMNS_MAX ? all : COLUMNS_MAX) * 256;
-    return d->channels % 16 == 0 && d->stride_x == 1 && d->dilation_x == 1 && d->kh <= 4 &&
-           d->planes * d->kw <= STEPS_MAX && d->in_stride == d->channels &&
+    return d->channels % 16 == 0 && d->stride_x == 1 && d->dilation_x == 1 && d->kh <= 8 &&
+           d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX && d->in_stride == d->channels &&
            d->out_stride == d->channels && 4 * stream_pitch(d) <= room &&
            phases_of(d) <= PHASES_MAX;
 }
 
+/* Those of kernel rows from ky on. */
 static inline void fill_streams(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
-                                uint8_t *streams, ptrdiff_t pitch)
+                                int32_t ky, uint8_t *streams, ptrdiff_t pitch)
 {
     streams += stream_lead(d);
     const __m512i border = _mm512_set1_epi8((char)d->zero_in);
@@ -431,7 +436,7 @@ static inline void fill_streams(const struct fv_nn_depthwise *d, const uint8_t *
                     right = after < total ? after : total;
     const uint8_t *row[4];
     for (int32_t r = 0; r < 4; r++)
-        row[r] = input_row(d, in, y, r);
+        row[r] = input_row(d, in, y, ky + r);
     for (ptrdiff_t at = left; at < right; at += 64) {
         __m512i v[4], lanes[4];
         for (int r = 0; r < 4; r++)
@@ -448,43 +453,69 @@ static inline void fill_streams(const struct fv_nn_depthwise *d, const uint8_t *
 
 FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
                               const uint8_t *streams, ptrdiff_t pitch, int32_t j, int32_t step,
-                              int32_t total, uint8_t *out, const int KW, const int PLANES,
-                              const int above)
+                              int32_t total, uint8_t *out, const int KW, const int GROUPS,
+                              const int PLANES, const int above)
 {
+    struct held h;
+    hold(&h, l, PLANES * GROUPS * KW);
     streams += stream_lead(d);
     for (; j < total; j += step) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
-        for (int kx = 0; kx < KW; kx++) {
-            const uint8_t *from = streams + (ptrdiff_t)kx * d->channels + j;
-            for (int p = 0; p < PLANES; p++) {
+        for (int g = 0; g < GROUPS; g++) {
+#pragma GCC unroll 5
+            for (int kx = 0; kx < KW; kx++) {
+                const uint8_t *from = streams + 4 * g * pitch + (ptrdiff_t)kx * d->channels + j;
+                for (int p = 0; p < PLANES; p++) {
 #pragma GCC unroll 4
-                for (int q = 0; q < 4; q++)
-                    acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_loadu_si512(from + q * pitch),
-                                                 l->weights[p * KW + kx][q]);
+                    for (int q = 0; q < 4; q++)
+                        acc[q] = _mm512_dpbusd_epi32(
+                            acc[q], _mm512_loadu_si512(from + q * pitch),
+                            weights_of(&h, l, (p * GROUPS + g) * KW + kx, q, PLANES * GROUPS * KW));
+                }
             }
         }
         const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
-        _mm512_mask_storeu_epi8(out + j, mask, finish(l->real, l, d, acc, above));
+        _mm512_mask_storeu_epi8(out + j, mask, finish(h.real, l, d, acc, above));
     }
 }
+
+/* Functions of their own, so that each has the registers that it needs. */
+#define STREAMS(name, kw, groups, above)                                                           \
+    static __attribute__((noinline)) void name(                                                    \
+        const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *streams,            \
+        ptrdiff_t pitch, int32_t j, int32_t step, int32_t total, uint8_t *out)                     \
+    {                                                                                              \
+        stream_outputs(l, d, streams, pitch, j, step, total, out, kw, groups, 1, above);           \
+    }
+STREAMS(streams_3x3_above, 3, 1, 1)
+STREAMS(streams_3x3, 3, 1, 0)
+STREAMS(streams_5x5_above, 5, 2, 1)
+STREAMS(streams_5x5, 5, 2, 0)
 
 static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
                               int32_t begin, int32_t end, uint8_t *streams, int above)
 {
     const int32_t phases = phases_of(d), total = d->out_w * d->channels, step = phases * 64;
+    const int32_t groups = (d->kh + 3) / 4;
     const ptrdiff_t pitch = stream_pitch(d);
+    const int small = d->kw == 3 && groups == 1 && d->planes == 1,
+              large = d->kw == 5 && groups == 2 && d->planes == 1;
     struct lanes lanes[PHASES_MAX];
     load_phases(lanes, d, phases);
     for (int32_t y = begin; y < end; y++, out += total) {
-        fill_streams(d, in, y, streams, pitch);
+        for (int32_t g = 0; g < groups; g++)
+            fill_streams(d, in, y, 4 * g, streams + 4 * g * pitch, pitch);
         for (int32_t p = 0; p < phases && p * 64 < total; p++) {
             const struct lanes *l = &lanes[p];
-            if (d->kw == 3 && d->planes == 1 && above)
-                stream_outputs(l, d, streams, pitch, p * 64, step, total, out, 3, 1, 1);
-            else if (d->kw == 3 && d->planes == 1)
-                stream_outputs(l, d, streams, pitch, p * 64, step, total, out, 3, 1, 0);
+            if (small)
+                (above ? streams_3x3_above : streams_3x3)(l, d, streams, pitch, p * 64, step, total,
+                                                          out);
+            else if (large)
+                (above ? streams_5x5_above : streams_5x5)(l, d, streams, pitch, p * 64, step, total,
+                                                          out);
             else
-                stream_outputs(l, d, streams, pitch, p * 64, step, total, out, d->kw, d->planes, 0);
+                stream_outputs(l, d, streams, pitch, p * 64, step, total, out, d->kw, groups,
+                               d->planes, 0);
         }
     }
 }
@@ -492,10 +523,6 @@ static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in
 static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
                              int32_t begin, int32_t end, uint8_t *scratch)
 {
-    if (!all_down(d->multiplier, d->shift, d->channels)) {
-        fv_k_nn_depthwise_u8__avx2(d, in, out, begin, end, scratch);
-        return;
-    }
     const int above = d->act_min >= d->zero_out;
     if (streams_fit(d))
         by_streams(d, in, out, begin, end, scratch, above);

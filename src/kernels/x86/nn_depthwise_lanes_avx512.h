@@ -14,9 +14,10 @@ enum { STEPS_MAX = 20, HELD_STEPS_MAX = 3 };
 struct lanes {
     __m512i weights[STEPS_MAX][4];
     __m512i bias[4];
-    struct down16 scale[4];
+    struct down16 down[4];
+    struct scale16 scale[4];
     struct real16 real[4];
-    int is_real; /* which of both rounds them */
+    int is_real, is_down; /* which of these rounds them; the scales, where both are 0 */
     struct table64 table;
     struct clamp64 clamp;
     __mmask64 mask;
@@ -107,15 +108,25 @@ static inline int load_real(struct real16 to[4], const struct fv_nn_depthwise *d
     return all == 0xFFFF;
 }
 
-static inline void load_exact(struct down16 to[4], const struct fv_nn_depthwise *d, int32_t first,
+/* Exact rounding, with the fewer steps where all shifts are below zero. */
+static inline void load_exact(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first,
                               int32_t period)
 {
     int32_t words[64];
     __m512i multiplier[4], shift[4];
+    __mmask16 up = 0;
     transpose_words(spread_words(words, d->multiplier, first, period, d->c16), multiplier);
     transpose_words(spread_words(words, d->shift, first, period, d->c16), shift);
     for (int32_t q = 0; q < 4; q++)
-        load_down_of(&to[q], multiplier[q], shift[q]);
+        up |= _mm512_mask_cmpge_epi32_mask(_mm512_test_epi32_mask(multiplier[q], multiplier[q]),
+                                           shift[q], _mm512_setzero_si512());
+    l->is_down = up == 0;
+    for (int32_t q = 0; q < 4; q++) {
+        if (l->is_down)
+            load_down_of(&l->down[q], multiplier[q], shift[q]);
+        else
+            load_scale_of(&l->scale[q], multiplier[q], shift[q]);
+    }
 }
 
 /* Prepare 64 lanes that stand for channels first, first + 1, ... (modulo `period` when it is not
@@ -127,7 +138,7 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     int32_t words[64];
     transpose_words(spread_words(words, d->bias, first, period, d->c16), l->bias);
     l->is_real = d->real != NULL && load_real(l->real, d, first, period);
-    if (!l->is_real) load_exact(l->scale, d, first, period);
+    if (!l->is_real) load_exact(l, d, first, period);
     for (int32_t step = 0; step < d->planes * groups * d->kw; step++) {
         const int32_t kx = step % d->kw, group = step / d->kw % groups,
                       plane = step / d->kw / groups;
@@ -177,10 +188,14 @@ FV_INLINE __m512i finish(const struct real16 real[4], const struct lanes *l,
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
             r[q] = requantize_real(acc[q], &real[q], above);
+    } else if (l->is_down) {
+#pragma GCC unroll 4
+        for (int q = 0; q < 4; q++)
+            r[q] = requantize_down(acc[q], &l->down[q], above);
     } else {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
-            r[q] = requantize_down(acc[q], &l->scale[q], above);
+            r[q] = requantize(acc[q], &l->scale[q], above);
     }
     const __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &l->clamp);
     return d->table != NULL ? look_up(bytes, &l->table) : bytes;
