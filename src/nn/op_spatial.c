@@ -91,6 +91,69 @@ static void max_row(const struct fv_op_pool *p, const uint8_t *line, int32_t iy,
     }
 }
 
+enum { LINE_MAX = 8192 };
+
+/* Whether an output row goes by a line: the largest of every byte over the window's rows once, then
+ * over its columns. */
+static int is_by_line(const struct fv_op_pool *p)
+{
+    const struct fv_op_image *im = &p->image;
+    return !p->average && im->in_stride == im->in_c && (int64_t)p->window.kw * im->in_c <= LINE_MAX;
+}
+
+/* The largest of rows [ky, ky_end) below `from`, `pitch` bytes apart. */
+static void max_of_rows(const struct fv_kernels *kernels, const uint8_t *from, ptrdiff_t pitch,
+                        int32_t ky, int32_t ky_end, uint8_t *to, int32_t bytes)
+{
+    if (ky == ky_end) {
+        memset(to, 0, (size_t)bytes);
+        return;
+    }
+    memcpy(to, from + ky * pitch, (size_t)bytes);
+    for (int32_t y = ky + 1; y < ky_end; y++)
+        kernels->nn_max_u8(to, from + y * pitch, to, bytes);
+}
+
+/* An output pixel from `count` columns. */
+static void max_of_columns(const struct fv_nn_call *call, const uint8_t *columns, int32_t count,
+                           uint8_t *out)
+{
+    const struct fv_op_pool *p = &call->op->u.pool;
+    const int32_t channels = p->image.in_c;
+    if (count == 0)
+        memset(out, 0, (size_t)channels);
+    else
+        memcpy(out, columns, (size_t)channels);
+    for (int32_t x = 1; x < count; x++)
+        call->kernels->nn_max_u8(out, columns + x * channels, out, channels);
+    clamp_pixel(p, out);
+}
+
+/* An output row, as many pixels at a time as LINE_MAX holds the inputs of. */
+static void max_row_by_line(const struct fv_nn_call *call, int32_t row, uint8_t *out)
+{
+    const struct fv_op_pool *p = &call->op->u.pool;
+    const struct fv_op_image *im = &p->image;
+    const struct fv_op_window *w = &p->window;
+    const int32_t most = (LINE_MAX / im->in_c - w->kw) / w->stride_x + 1;
+    uint8_t line[LINE_MAX];
+    for (int32_t x = 0, some; x < im->out_w; x += some) {
+        some = im->out_w - x < most ? im->out_w - x : most;
+        const struct view first = view_of(call, row, x), last = view_of(call, row, x + some - 1);
+        const int32_t reach = (some - 1) * w->stride_x + last.kx_end - first.kx;
+        if (reach > 0)
+            max_of_rows(call->kernels, first.corner + (ptrdiff_t)first.kx * im->in_c,
+                        (ptrdiff_t)im->in_w * im->in_c, first.ky, first.ky_end, line,
+                        reach * im->in_c);
+        for (int32_t i = 0; i < some; i++, out += im->out_stride) {
+            int32_t kx, kx_end;
+            window_part((x + i) * w->stride_x - w->pad_left, im->in_w, w->kw, &kx, &kx_end);
+            max_of_columns(call, line + (i * w->stride_x + kx - first.kx) * im->in_c, kx_end - kx,
+                           out);
+        }
+    }
+}
+
 /* int8 averages round halves away from the original zero, uint8 ones half up. */
 static int32_t average_of(int32_t sum, int32_t count, int32_t is_signed)
 {
@@ -201,7 +264,8 @@ void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_op_pool *p = &call->op->u.pool;
     const struct fv_op_image *im = &p->image;
     const struct fv_op_window *w = &p->window;
-    const int by_column = !p->average && w->stride_x == 1 && w->kw <= MAX_COLUMNS;
+    const int by_column = !p->average && w->stride_x == 1 && w->kw <= MAX_COLUMNS,
+              by_line = is_by_line(p);
     for (int32_t row = begin; row < end; row++) {
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
         if (p->parts > 1) {
@@ -212,6 +276,10 @@ void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
             const ptrdiff_t image = (ptrdiff_t)(row / im->out_h) * im->in_h;
             const int32_t iy = row % im->out_h * w->stride_y - w->pad_top;
             max_row(p, call->in[0] + (image + iy) * im->in_w * im->in_stride, iy, out);
+            continue;
+        }
+        if (by_line) {
+            max_row_by_line(call, row, out);
             continue;
         }
         for (int32_t x = 0; x < im->out_w; x++, out += im->out_stride) {
