@@ -16,9 +16,12 @@ static float draw_slope(struct check *check)
 void check_nn_slopes_u8(struct check *check, fv_k_nn_slopes_u8_fn *reference,
                         fv_k_nn_slopes_u8_fn *variant)
 {
-    const int32_t rows = check_between(check, 1, 5), count = check_between(check, 1, 70);
-    const ptrdiff_t ldo = count + check_between(check, 0, 9),
-                    ldi = count + check_between(check, 0, 9);
+    const int32_t rows = check_between(check, 1, check_between(check, 0, 1) ? 5 : 20),
+                  count = check_between(check, 0, 1) ? check_between(check, 1, 70)
+                                                     : 16 * check_between(check, 1, 9);
+    const int32_t gap = check_between(check, 0, 1) ? 9 : 0; /* often rows follow each other */
+    const ptrdiff_t ldo = count + check_between(check, 0, gap),
+                    ldi = count + check_between(check, 0, gap);
     const size_t bytes = (size_t)((rows - 1) * ldo + count),
                  read = (size_t)((rows - 1) * ldi + count);
     float *slopes = check_buffer(check, ((size_t)count + 1) * sizeof *slopes, 64, 0);

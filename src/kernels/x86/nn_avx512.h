@@ -149,6 +149,20 @@ FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, const s
     return bytes;
 }
 
+/* Words of 64 bytes, 16 in each register, in the order in which unpacking leaves the bytes: out[q]
+ * holds 4 q to 4 q + 3 of each 16. */
+FV_INLINE void transpose_lanes(const __m512i in[4], __m512i out[4])
+{
+    const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44),
+                  b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
+    const __m512i c = _mm512_shuffle_i32x4(in[0], in[1], 0xEE),
+                  d = _mm512_shuffle_i32x4(in[2], in[3], 0xEE);
+    out[0] = _mm512_shuffle_i32x4(a, b, 0x88);
+    out[1] = _mm512_shuffle_i32x4(a, b, 0xDD);
+    out[2] = _mm512_shuffle_i32x4(c, d, 0x88);
+    out[3] = _mm512_shuffle_i32x4(c, d, 0xDD);
+}
+
 /* Table lookup of 64 bytes. With VBMI by bytes, else by words: a word holds the entries of two
  * neighbouring indices, and a shift takes that of the lower bit. */
 struct table64 {

@@ -72,21 +72,12 @@ FV_INLINE const void *spread_words(int32_t room[64], const void *from, int32_t f
     return room;
 }
 
-/* Words of 64 channels in the order in which interleaving leaves the channels: out[q] holds 4 q ..
- * 4 q + 3 of each 16. */
 static inline void transpose_words(const void *words, __m512i out[4])
 {
     __m512i in[4];
     for (int i = 0; i < 4; i++)
         in[i] = _mm512_loadu_si512((const int32_t *)words + 16 * i);
-    const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44),
-                  b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
-    const __m512i c = _mm512_shuffle_i32x4(in[0], in[1], 0xEE),
-                  d = _mm512_shuffle_i32x4(in[2], in[3], 0xEE);
-    out[0] = _mm512_shuffle_i32x4(a, b, 0x88);
-    out[1] = _mm512_shuffle_i32x4(a, b, 0xDD);
-    out[2] = _mm512_shuffle_i32x4(c, d, 0x88);
-    out[3] = _mm512_shuffle_i32x4(c, d, 0xDD);
+    transpose_lanes(in, out);
 }
 
 /* Rounding by real numbers, where there is one for all 64 lanes. */
