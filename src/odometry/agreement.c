@@ -12,6 +12,7 @@ enum {
     CHECKS_MIN = 3,     /* before a map is given up */
     CONFIRM_CHECKS = 2, /* before a suspect map is published with its first confident pose */
     SURE_CHECKS = 3,    /* the same without one, where the measure is clear */
+    WEAK_MAX = 3,       /* poses in a row, before they are withheld where near is not high */
     DOUBTS_MAX = 4,     /* in a row, and a map is given up */
     CHECKS_SETTLED = 5,
     YOUNG_KEYFRAMES = 32 /* of a map that is given up whole */
@@ -67,8 +68,15 @@ enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *
 
 void fv_agreement_confirm(struct fv_agreement_state *s)
 {
+    s->weak = 0;
+    s->left = false;
     if (s->checks >= CONFIRM_CHECKS && !in_doubt(s) && fv_motion_bias_clear(&s->motion_bias))
         s->suspect = false;
+}
+
+void fv_agreement_note_weak(struct fv_agreement_state *s)
+{
+    if (s->weak < WEAK_MAX) s->weak++;
 }
 
 bool fv_agreement_withholds(struct fv_agreement_state *s)
@@ -79,6 +87,12 @@ bool fv_agreement_withholds(struct fv_agreement_state *s)
     return s->suspect;
 }
 
+bool fv_agreement_unsure(const struct fv_agreement_state *s)
+{
+    if (s->checks == 0) return s->left && s->weak > 0;
+    return s->weak >= WEAK_MAX && s->near < near_known_min * s->about;
+}
+
 bool fv_agreement_settled(const struct fv_agreement_state *s)
 {
     return s->checks >= CHECKS_SETTLED && s->near >= settled_min * s->about;
@@ -86,9 +100,9 @@ bool fv_agreement_settled(const struct fv_agreement_state *s)
 
 void fv_agreement_forget(struct fv_agreement_state *s)
 {
-    s->busy = s->fresh = false;
+    s->busy = s->fresh = s->left = false;
     s->near = s->about = s->all = s->known = 0;
-    s->checks = s->doubts = 0;
+    s->checks = s->doubts = s->weak = 0;
     s->bad_from = 0;
     s->matches = 0;
     fv_motion_bias_forget(&s->motion_bias);
@@ -284,6 +298,7 @@ void fv_odometry_give_up(struct fv_odometry *o)
     memset(&s->creation, 0, sizeof s->creation);
     fv_agreement_forget(g);
     g->suspect = g->dropping = true;
+    g->left = from > 0;
     g->drop_map = map_id;
     g->drop_from = from;
     fv_motion_forget(&s->localise.motion);

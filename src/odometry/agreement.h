@@ -30,6 +30,13 @@
  * after two keyframes that leave no doubt and no hint of a bias; or after three of these that agree
  * clearly (near of .93).
  *
+ * By one camera alone a map is unsure where three poses in a row were weak, for whatever reason,
+ * and near is below .88: then weak poses are withheld until one is confident or near is higher. So
+ * are those in what is left of a map that was given up, until it is checked. On odd seeds of
+ * sim:road half of the maps beyond the bars of error were weak for most of their way, and no more
+ * than 5 % of the poses are such. What else measures (distances, a gyro) holds a map where its
+ * pictures do not.
+ *
  * A job in units: FV_AGREEMENT_UNIT features are matched in each; two more fit the pair's motion,
  * after all other work on the map, and not at all where the next keyframe comes before. Real-time
  * safe, no addresses in the state. */
@@ -59,7 +66,9 @@ struct fv_agreement_state {
     uint32_t doubts;   /* of the last checks, how many in a row had near or fit too low */
     uint64_t bad_from; /* keyframes from this number on came after the measure was last good */
     bool fresh;        /* made from several views, and not checked yet */
+    bool left;         /* keyframes of it were given up, and the rest was not checked since */
     bool suspect;      /* its poses are withheld until it is confirmed */
+    uint32_t weak;     /* of the last poses, how many in a row were not confident; at most 3 */
     bool dropping;     /* keyframes of drop_map from number drop_from on are to go */
     uint32_t drop_map;
     uint64_t drop_from;
@@ -84,10 +93,13 @@ void fv_agreement_carve(struct fv_agreement *agreement, uint32_t features_max,
 enum fv_agreement_verdict fv_agreement_verdict(const struct fv_agreement_state *state);
 /* Enough keyframes agree well: what pulls at single poses moves, and the map is not bent. */
 bool fv_agreement_settled(const struct fv_agreement_state *state);
-/* A pose of this map is confident by all else. */
+/* A pose of this map is confident by all else; or it is weak. */
 void fv_agreement_confirm(struct fv_agreement_state *state);
+void fv_agreement_note_weak(struct fv_agreement_state *state);
 /* Whether poses are to be withheld, since the map is suspect. */
 bool fv_agreement_withholds(struct fv_agreement_state *state);
+/* Whether poses are weak, and have been for long, and the pictures do not agree clearly. */
+bool fv_agreement_unsure(const struct fv_agreement_state *state);
 /* Another map: nothing is known of it. */
 void fv_agreement_forget(struct fv_agreement_state *state);
 /* The same for a map that was just made from several views: its first check counts. */

@@ -332,6 +332,16 @@ static bool contradicted(const struct fv_odometry *o)
            fv_agreement_verdict(&s->agreement) == FV_AGREEMENT_CONTRADICTED;
 }
 
+/* Whether the pose of this step is not to be published, once its state is known. */
+static bool withholds(struct fv_odometry *o)
+{
+    struct fv_odometry_state *s = o->state;
+    const bool alone = o->turns == NULL && !o->config.localise_only && !fv_map_metric(&o->map);
+    if (s->state == FOVEA_TRACKING_OK) fv_agreement_confirm(&s->agreement);
+    if (s->state == FOVEA_TRACKING_WEAK) fv_agreement_note_weak(&s->agreement);
+    return fv_agreement_withholds(&s->agreement) || (alone && fv_agreement_unsure(&s->agreement));
+}
+
 void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
                       const struct fv_odometry_input *input)
 {
@@ -354,8 +364,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     }
     fv_odometry_follow_turn(o);
     s->pose.state = s->state;
-    if (s->state == FOVEA_TRACKING_OK) fv_agreement_confirm(&s->agreement);
-    if (fv_agreement_withholds(&s->agreement)) withhold(&s->pose); /* odometry itself goes on */
+    if (withholds(o)) withhold(&s->pose); /* odometry itself goes on */
     write_map(o);
 }
 

@@ -169,6 +169,56 @@ static void a_suspect_map_is_confirmed(void **state)
     }
 }
 
+/* Three weak poses in a row are withheld where near is not high, until one is confident; in what is
+ * left of a map, the first. */
+static void weak_poses_are_withheld(void **state)
+{
+    (void)state;
+    struct fv_agreement_state s = {.near = 87, .about = 100, .all = 105, .known = 90, .checks = 1};
+    for (int n = 0; n < 3; n++) {
+        assert_false(fv_agreement_unsure(&s));
+        fv_agreement_note_weak(&s);
+    }
+    assert_true(fv_agreement_unsure(&s));
+    s.near = 89;
+    assert_false(fv_agreement_unsure(&s));
+    s.near = 87;
+    fv_agreement_confirm(&s);
+    assert_false(fv_agreement_unsure(&s));
+    fv_agreement_forget(&s);
+    for (int n = 0; n < 9; n++)
+        fv_agreement_note_weak(&s);
+    assert_false(fv_agreement_unsure(&s)); /* nothing speaks against this map */
+    s.left = true;
+    assert_true(fv_agreement_unsure(&s));
+    fv_agreement_confirm(&s);
+    fv_agreement_note_weak(&s);
+    assert_false(fv_agreement_unsure(&s));
+}
+
+/* By one camera alone, poses of a map that stay weak are `lost` until one is confident. */
+static void a_map_that_stays_weak_is_withheld(void **state)
+{
+    (void)state;
+    sim_rig_open_kept(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
+    sim_rig_build(&rig);
+    run_to(FRAMES - 6);
+    struct fv_odometry *o = &rig.rt->odometry;
+    assert_int_equal(rig.pose[rig.frames - 1].state, FOVEA_TRACKING_OK);
+    const uint32_t good = o->config.inliers_good, resets = fv_odometry_reset_counter(o);
+    o->config.inliers_good = 100000;
+    for (int n = 1; n <= 4; n++) {
+        o->state->agreement.near = 0.85f * o->state->agreement.about;
+        run_to(rig.frames + 1);
+        assert_int_equal(rig.pose[rig.frames - 1].posed, n < 3);
+    }
+    o->config.inliers_good = good;
+    run_to(rig.frames + 1);
+    assert_int_equal(rig.pose[rig.frames - 1].state, FOVEA_TRACKING_OK);
+    assert_int_equal(fv_odometry_reset_counter(o), resets);
+    sim_rig_close(&rig);
+}
+
 /* The first check of a map that was made from several views decides whether it is suspect; of a map
  * that is entered again it does not. */
 static void a_first_check_counts(void **state)
@@ -310,6 +360,8 @@ int main(void)
         cmocka_unit_test(each_measure_counts),
         cmocka_unit_test(a_bias_counts),
         cmocka_unit_test(a_suspect_map_is_confirmed),
+        cmocka_unit_test(weak_poses_are_withheld),
+        cmocka_unit_test(a_map_that_stays_weak_is_withheld),
         cmocka_unit_test(a_first_check_counts),
         cmocka_unit_test(a_confident_pose_publishes),
         cmocka_unit_test(a_map_of_a_lorry_is_withheld),
