@@ -196,9 +196,11 @@ static inline void copy_pixels(uint8_t *to, const uint8_t *from, ptrdiff_t step,
     case 32:
         gather_pixels(to, from, step, count, 32);
         return;
-    default:
-        for (int32_t i = 0; i < count; i++, to += bytes, from += step)
-            memcpy(to, from, (size_t)bytes);
+    default: /* in pieces that reach up to 15 bytes further, where others are written later */
+        for (int32_t i = 0; i < count; i++, to += bytes, from += step) {
+            for (int32_t at = 0; at < bytes; at += 16)
+                memcpy(to + at, from + at, 16);
+        }
     }
 }
 
