@@ -307,11 +307,15 @@ def own_operators(bench):
 
 
 def ranges(bench):
-    """Pictures of known networks that take them as 0 to 1; others take -1 to 1."""
+    """Pictures of YOLO networks and of known ones that take them as 0 to 1; others take -1 to 1."""
     import quantise
     none = dict(fit=None, mean=None, scale=None)
-    found = [quantise.habits(none, {}, side, [n, 1]) for side, n in ((224, 63), (192, 1404), (192, 2016 * 18), (128, 896 * 16))]
+    found = [quantise.habits(none, {}, [1, side, side, 3], [[1, n], [1, 1]]) for side, n in ((224, 63), (192, 1404), (192, 2016 * 18), (128, 896 * 16))]
     bench.holds("networks that are known to take 0 to 1", [f[1] for f in found] == [0, 0, 0, 127.5], found)
+    shapes = ([1, 84, 8400], [1, 25200, 85], [1, 56, 8400], [1, 21, 21])
+    found = [quantise.habits(none, {}, image, [shape])[:2] for image in ([1, 640, 640, 3], [1, 3, 640, 640]) for shape in shapes]
+    bench.holds("and networks whose output has a row for each cell of YOLO's grids",
+                found == 2 * [*3 * [("letterbox", 0)], ("stretch", 127.5)], found)
 
 
 def precision(bench):

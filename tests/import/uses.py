@@ -52,6 +52,10 @@ def network(out_shapes, last=None, ends="int8", scale_in=1 / 255, scale_out=1 / 
             soft = b.tensor("int8", shape, scale_out, -128)
             b.op("SOFTMAX", [out], [soft], "Softmax", Beta=1.0)
             out = soft
+        if last == "LOGISTIC":
+            share = b.tensor("int8", shape, 1 / 256, -128)
+            b.op("LOGISTIC", [out], [share])
+            out = share
         if last == "ARG_MAX":
             index = b.tensor("int32", shape[:-1])
             b.op("ARG_MAX", [out, b.const("int32", -1)], [index], "ArgMax", OutputType=2)
@@ -129,8 +133,8 @@ def centres(n):
     return np.clip(np.array(rows) * 4, 0, 255) - 128
 
 
-def yolo(kind, classes, n, extra=0, sigmoid=True, boxes=centres, outputs=1):
-    """A network of 64 x 64 with such a head: constant boxes, scores from the picture, `extra` rows that are neither."""
+def yolo(kind, classes, n, extra=0, sigmoid=True, boxes=centres, outputs=1, step=1 / 256):
+    """A network of 64 x 64 with such a head: constant boxes, scores from the picture, `extra` rows that are neither; `step`: of its bytes."""
     b = Builder()
     x, by_rows = b.tensor("int8", (1, 64, 64, 3), 0.03, 127), kind == "yolov5"
     flat = b.tensor("int8", (1, 12288), 0.03, 127)
@@ -151,7 +155,7 @@ def yolo(kind, classes, n, extra=0, sigmoid=True, boxes=centres, outputs=1):
         parts[1] = made
     parts += [rows(extra)] if extra else []
     count = 4 + scores + extra
-    out = b.tensor("int8", (1, n, count) if by_rows else (1, count, n), 1 / 256, -128)
+    out = b.tensor("int8", (1, n, count) if by_rows else (1, count, n), step, -128)
     b.op("CONCATENATION", parts, [out], "Concatenation", Axis=2 if by_rows else 1)
     return b.bytes([x], [out] + [parts[1]] * (outputs - 1))
 
@@ -171,8 +175,17 @@ def guesses(bench):
         for what, shapes, last in (("an embedding", [(1, 128)], None), ("landmarks and a presence", [(1, 1, 1, 136), (1, 1, 1, 1)], None),
                                    ("an odd head", [(1, 56, 40)], None), ("anchors of a face detector", [(1, 96, 16), (1, 96, 1)], None),
                                    ("boxes after suppression", [(1, 30, 6)], None), ("key points", [(1, 1, 17, 3)], None),
-                                   ("a mask", [(1, 24, 32, 1)], None), ("scores of every pixel", [(1, 12, 16, 4)], "SOFTMAX")):
+                                   ("a mask", [(1, 24, 32, 1)], None), ("scores of every pixel", [(1, 12, 16, 4)], "SOFTMAX"),
+                                   ("scores of pixels of 4 x 4", [(1, 6, 8, 4)], "SOFTMAX"), ("a picture of numbers from 0 to 1", [(1, 768)], "LOGISTIC"),
+                                   ("characters of a plate", [(9, 37)], "SOFTMAX"), ("characters of a text", [(1, 1, 24, 40)], "ARG_MAX")):
             bench.refused(f"{what} {ends}", network(shapes, last, ends), "--decoder none")
+        labels = bench.file("numbers.txt", "".join(f"{i}\n" for i in range(10)))
+        found = bench.run(network([(1, 10)], "LOGISTIC", ends), "--labels", labels, trial=False)
+        bench.holds(f"a classifier from LOGISTIC with labels {ends}", getattr(found, "decoder", found), "classifier")
+    for decoder in ("yolov8", "yolov5", "fomo", "yolov2"):
+        bench.refused(f"two scores as {decoder}", network([(1, 2)], "SOFTMAX"), "axes, or none", "--decoder", decoder)
+    bench.refused("boxes without their operator", network([(1, 40, 7)]), "TFLite_Detection_PostProcess", "--decoder", "ssd")
+    bench.refused("a picture that is lost", network([(1, 20)], "SOFTMAX"), "and not 0", "--scale", "0")
     bench.refused("scores that are none", network([(1, 20)], None, scale_in=0.1), "from 0 to 25.5", "--decoder", "classifier")
     bench.refused("the same, chosen: what would be refused is not proposed", network([(1, 20)], None, scale_in=0.1), "for the raw outputs\n")
 
@@ -197,6 +210,7 @@ def heads(bench):
             for what, boxes in (("boxes away from their cells", lambda n: centres(n)[::-1]),
                                 ("boxes all in one place", lambda n: 0 * centres(n))):
                 bench.refused(f"{kind}: {what}", yolo(kind, 3, n, boxes=boxes), "near their cells")
+    bench.refused("boxes in pixels beside scores", yolo("yolov8", 3, 84, step=1.2), "whose steps lose the scores")
     bench.refused("decoded boxes of one per cell", yolo("yolov5", 3, 84), "already decoded")
     model = yolo("yolov8", 3, 84)
     for task, text in (("pose", "task pose"), ("segment", "task segment"), ("obb", "task obb"), ("classify", "task classify")):

@@ -9,10 +9,16 @@ import segment
 from graph import ImportProblem, origin
 
 LABELS_MAX = 4096  # what the loader takes
+BOXES_MOST = 2.0  # of boxes in shares of the picture, which may reach beyond it
 BACKGROUND = ("background", "???", "_background_", "none")
 STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
 TASKS = {"detect": ("yolov5", "yolov8", "yolox", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end"),
          "obb": ("yolov8_obb",)}  # of Ultralytics' exports
+
+
+def cells_of(h, w):
+    """Numbers of cells that the grids of a YOLO network of this input may have together."""
+    return {sum(-(-h // s) * -(-w // s) for s in strides) for strides in STRIDES}
 
 
 class Evidence:
@@ -34,11 +40,7 @@ class Evidence:
         return tuple(float(tensor.scale0) * (v - tensor.zero_u8) for v in (0, 255))
 
     def cells(self):
-        """Numbers of cells that the grids of a YOLO network of this input may have together."""
-        if len(self.image) != 4:
-            return set()
-        _, h, w, _ = self.image
-        return {sum(-(-h // s) * -(-w // s) for s in strides) for strides in STRIDES}
+        return cells_of(*self.image[1:3]) if len(self.image) == 4 else set()
 
 
 def yolo(e, rows, n, per_cell, name):
@@ -55,6 +57,8 @@ def yolo(e, rows, n, per_cell, name):
         return f"has {scores} rows of scores from LOGISTIC, found {int(known[4:].all(1).sum())}"
     if known[:4].all(1).any():
         return "has coordinates of boxes in rows 0 to 3, found scores from LOGISTIC"
+    if (name == "yolov8" or per_cell > 1) and np.isfinite(e.range_of(e.outs[0])[1]) and e.range_of(e.outs[0])[1] > BOXES_MOST:
+        return f"has boxes as shares of the picture, found numbers to {e.range_of(e.outs[0])[1]:.3g}, whose steps lose the scores"
     return labelled(e, rows - first)
 
 
@@ -70,11 +74,15 @@ def classifier(e):
     low, high = e.range_of(e.outs[0])
     if len(e.outs) != 1:
         return f"has one output, found {len(e.outs)}"
+    if found != e.shape[-1]:
+        return f"has one row of scores, found {found // max(1, e.shape[-1])}"
     if found > LABELS_MAX:
         return f"has at most {LABELS_MAX} classes, found {found}"
     if not e.mask(e.graph.outputs[0]).all():
         return f"ends in SOFTMAX or LOGISTIC, found numbers from {low:.3g} to {high:.3g}" if np.isfinite(high) else \
             "ends in SOFTMAX or LOGISTIC"
+    if not e.labels and e.metadata.get("task") != "classify" and origin(e.graph, e.graph.outputs[0])[1].name != "SOFTMAX":
+        return "ends in SOFTMAX, or has labels: numbers from LOGISTIC may stand for anything"
     return labelled(e, found) if len(e.labels) != found - 1 else None
 
 
@@ -84,8 +92,9 @@ def fomo(e):
         return f"has one output, found {len(e.outs)}"
     if origin(e.graph, e.graph.outputs[0])[1].name != "SOFTMAX":
         return "ends in SOFTMAX"
-    if len(e.image) != 4 or classes < 2 or e.image[1] < 4 * h or e.image[2] < 4 * w:
-        return f"has cells of 4 x 4 pixels and more, found {h} x {w} of them"
+    side = 4 if e.labels else 8  # networks that label pixels have cells of 4 x 4, too
+    if len(e.image) != 4 or classes < 2 or e.image[1] < side * h or e.image[2] < side * w:
+        return f"has cells of {side} x {side} pixels and more, found {h} x {w} of them"
     if len(e.labels) == classes and e.labels[0].lower() not in BACKGROUND:
         return f"has a background before its {classes - 1} classes, found the label {e.labels[0][:20]!r}"
     return labelled(e, classes - 1)
@@ -133,7 +142,13 @@ def landmarks(e):
     if form is None:
         return "is not known with this input"
     outputs, ones = details.landmark_outputs(e, form[0] * form[1])
-    return None if ones and len(e.outs) <= 5 else f"has an output of one number, the score, found {len(ones)}"
+    if not ones or len(e.outs) > 5:
+        return f"has an output of one number, the score, found {len(ones)}"
+    points = e.outs[outputs[0]]
+    low, high = e.range_of(points)
+    if e.mask(e.graph.outputs[outputs[0]]).all() or np.isfinite(high) and high - low < e.image[1] / 4:
+        return f"has keypoints in pixels, found numbers from {low:.3g} to {high:.3g}"
+    return None
 
 
 def several(e):
@@ -225,6 +240,11 @@ def hold(e, name):
     sets."""
     if name != "none":
         one_input(e)
+    ranks = {"yolov2": (4,), "fomo": (4,), "movenet": (3, 4), **{n: (3,) for n in ("yolov5", "yolov8", "yolov8_pose", "yolov8_obb", "yolox")}}
+    if len(e.shape) not in ranks.get(name, (len(e.shape),)):
+        raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e)}, expected {' or '.join(str(r) for r in ranks[name])} axes, or none")
+    if name == "ssd" and not any(op.name == "TFLite_Detection_PostProcess" for op in e.graph.ops):
+        raise ImportProblem("--decoder ssd: found no operator TFLite_Detection_PostProcess, expected it, or --decoder ssd_raw with --anchors")
     other = {"yolov5": "yolov8", "yolov8": "yolov5"}.get(name)
     if other and candidates(e).get(other, "no") is None:
         raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e)}, which {other} reads: expected --decoder {other}, or none")

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import choose
 import custom
 import dense
 import details
@@ -89,8 +90,8 @@ class Pictures:
 
 
 def prepared(raw):
-    """The model as the quantiser wants it: a signature, names that differ, no tensor that nothing needs; its picture's shape, and how many
-    numbers each output has."""
+    """The model as the quantiser wants it: a signature, names that differ, no tensor that nothing needs; its picture's shape, and those of
+    its outputs."""
     from ai_edge_litert.tools import flatbuffer_utils
     schema = flatbuffer_utils.schema_fb
     model = flatbuffer_utils.read_model_from_bytearray(bytearray(raw))
@@ -123,8 +124,8 @@ def prepared(raw):
     signature.inputs, signature.outputs = ([entry(schema, b"%s%d" % (kind, n), t) for n, t in enumerate(ts)]
                                            for kind, ts in ((b"input", graph.inputs), (b"output", graph.outputs)))
     model.signatureDefs = [signature]
-    sizes = [int(np.prod(graph.tensors[t].shape)) for t in graph.outputs]
-    return bytes(flatbuffer_utils.convert_object_to_bytearray(model)), [int(n) for n in image.shape], sizes
+    outputs = [[int(n) for n in graph.tensors[t].shape] for t in graph.outputs]
+    return bytes(flatbuffer_utils.convert_object_to_bytearray(model)), [int(n) for n in image.shape], outputs
 
 
 def entry(schema, name, t):
@@ -220,11 +221,18 @@ def write(path, target, made):
         raise
 
 
-def habits(options, metadata, side=0, sizes=()):
-    """(fit, mean, scale): as the options (a dictionary) say, else as Ultralytics' exports, known networks of this side and outputs of so many numbers,
+def has_yolo_head(image, outputs):
+    """Whether an output has a row for each cell of YOLO's grids, or three."""
+    cells = choose.cells_of(*(image[2:4] if planes.is_planes(image) else image[1:3])) if len(image) == 4 else set()
+    return any(len(shape) == 3 and min(shape[1:]) > 4 and any(n in shape[1:] or 3 * n in shape[1:] for n in cells) for shape in outputs)
+
+
+def habits(options, metadata, image=(), outputs=()):
+    """(fit, mean, scale): as the options (a dictionary) say, else as YOLO networks, known ones of this side and outputs of so many numbers,
     or most others take their pictures."""
-    known = any((side, n) in details.FRACTIONS for n in sizes)
-    ours = ("letterbox", 0.0, 1 / 255) if metadata.get("task") else ("stretch", 0.0, 1 / 255) if known else ("stretch", 127.5, 1 / 127.5)
+    known = any((image[2], int(np.prod(shape))) in details.FRACTIONS for shape in outputs) if len(image) == 4 else False
+    yolo = metadata.get("task") or has_yolo_head(image, outputs)
+    ours = ("letterbox", 0.0, 1 / 255) if yolo else ("stretch", 0.0, 1 / 255) if known else ("stretch", 127.5, 1 / 127.5)
     return tuple(usual if options[key] is None else options[key] for key, usual in zip(("fit", "mean", "scale"), ours))
 
 
@@ -236,8 +244,8 @@ def run(path, target, arguments, metadata):
         raise ImportProblem(f"byte 4: found {raw[4:8]!r}, expected b'TFL3': not a .tflite file")
     try:
         with quiet():
-            data, shape, sizes = prepared(raw)
-            fit, mean, scale = habits(vars(arguments), metadata, shape[2] if len(shape) == 4 else 0, sizes)
+            data, shape, outputs = prepared(raw)
+            fit, mean, scale = habits(vars(arguments), metadata, shape, outputs)
             pictures = Pictures(shape, mean, scale, fit == "letterbox", arguments.order)
             files = listed(arguments.pictures)
             values = [pictures.read(p) for p in files]
@@ -250,6 +258,7 @@ def run(path, target, arguments, metadata):
     except Exception as problem:  # whatever the quantiser's libraries raise on a model that they do not take
         raise ImportProblem(f"--quantise: the quantiser gave up: {' '.join(str(problem).split())[:120]}") from problem
     write(path, target, made)
+    arguments.mean, arguments.scale = mean, scale  # which the range that the pictures had does not say
     low, high = (0 - mean) * scale, (255 - mean) * scale
     where = f"{len(kept)} that it did not see" if kept else "the same ones"
     text = [f"quantised on {len(values) - len(kept)} pictures as {low:.3g} to {high:.3g} ({fit}); losses on {where}", *lines, f"{target}: {len(made)} bytes"]

@@ -30,7 +30,9 @@ def details(e, make):
 
 def labels_fault(e):
     """Of an output of classes' numbers: labels must not be fewer. What files say after them is no label."""
-    classes = arg_max(e)
+    classes, sides = arg_max(e), e.shape[1:3]
+    if len(e.image) != 4 or 8 * sides[0] < e.image[1] or 8 * sides[1] < e.image[2]:
+        return f"has at least an eighth of the input's size, found {sides[0]} x {sides[1]}"
     return f"tells {classes} classes apart, found {len(e.labels)} labels" if 0 < len(e.labels) < classes else None
 
 

@@ -164,8 +164,8 @@ def describe(path, graph, net, arguments):
     mean = mean if arguments.mean is None else arguments.mean
     scale = scale if arguments.scale is None else arguments.scale
     for name, value in (("--mean", mean), ("--scale", scale)):
-        if not abs(value) <= 1e6:
-            raise ImportProblem(f"{name}: found {value}, expected a number up to 1e6")
+        if not abs(value) <= 1e6 or name == "--scale" and value == 0:
+            raise ImportProblem(f"{name}: found {value}, expected a number up to 1e6" + (", and not 0" if value == 0 else ""))
     channels = shape[3] if shape[3] in (1, 3) else 0
     preprocess = [int(fit == "letterbox"), shape[2], shape[1], channels, ORDERS[order], *[bits(mean)] * 3,
                   *[bits(scale)] * 3, 114]
