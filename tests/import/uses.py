@@ -184,6 +184,7 @@ def guesses(bench):
         bench.holds(f"a classifier from LOGISTIC with labels {ends}", getattr(found, "decoder", found), "classifier")
     for decoder in ("yolov8", "yolov5", "fomo", "yolov2"):
         bench.refused(f"two scores as {decoder}", network([(1, 2)], "SOFTMAX"), "axes, or none", "--decoder", decoder)
+    bench.refused("nine rows of scores", network([(9, 37)], "SOFTMAX"), "expected one row", "--decoder", "classifier")
     bench.refused("boxes without their operator", network([(1, 40, 7)]), "TFLite_Detection_PostProcess", "--decoder", "ssd")
     bench.refused("a picture that is lost", network([(1, 20)], "SOFTMAX"), "and not 0", "--scale", "0")
     bench.refused("scores that are none", network([(1, 20)], None, scale_in=0.1), "from 0 to 25.5", "--decoder", "classifier")

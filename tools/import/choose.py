@@ -248,6 +248,8 @@ def hold(e, name):
     other = {"yolov5": "yolov8", "yolov8": "yolov5"}.get(name)
     if other and candidates(e).get(other, "no") is None:
         raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e)}, which {other} reads: expected --decoder {other}, or none")
+    if name == "classifier" and int(np.prod(e.shape)) != e.shape[-1]:
+        raise ImportProblem(f"--decoder classifier: found outputs {shape_text(e)}, expected one row of scores, or none")
     if name not in ("classifier", "fomo", "ssd_raw"):
         return
     tensors = sorted(e.graph.outputs, key=lambda t: e.graph.tensors[t].shape[-1:] != (4,))
