@@ -129,6 +129,12 @@ static void max_of_columns(const struct fv_nn_call *call, const uint8_t *columns
     clamp_pixel(p, out);
 }
 
+/* The column of the image at `at`, or its end beyond which `at` lies. */
+static int32_t column_of(const struct fv_op_image *im, int32_t at)
+{
+    return at < 0 ? 0 : at > im->in_w ? im->in_w : at;
+}
+
 /* An output row, as many pixels at a time as LINE_MAX holds the inputs of. */
 static void max_row_by_line(const struct fv_nn_call *call, int32_t row, uint8_t *out)
 {
@@ -139,17 +145,17 @@ static void max_row_by_line(const struct fv_nn_call *call, int32_t row, uint8_t 
     uint8_t line[LINE_MAX];
     for (int32_t x = 0, some; x < im->out_w; x += some) {
         some = im->out_w - x < most ? im->out_w - x : most;
-        const struct view first = view_of(call, row, x), last = view_of(call, row, x + some - 1);
-        const int32_t reach = (some - 1) * w->stride_x + last.kx_end - first.kx;
-        if (reach > 0)
-            max_of_rows(call->kernels, first.corner + (ptrdiff_t)first.kx * im->in_c,
-                        (ptrdiff_t)im->in_w * im->in_c, first.ky, first.ky_end, line,
-                        reach * im->in_c);
+        const struct view v = view_of(call, row, x);
+        const int32_t left = x * w->stride_x - w->pad_left, first = column_of(im, left),
+                      past = column_of(im, left + (some - 1) * w->stride_x + w->kw);
+        if (first < past)
+            max_of_rows(call->kernels, v.corner + ((ptrdiff_t)first - left) * im->in_c,
+                        (ptrdiff_t)im->in_w * im->in_c, v.ky, v.ky_end, line,
+                        (past - first) * im->in_c);
         for (int32_t i = 0; i < some; i++, out += im->out_stride) {
-            int32_t kx, kx_end;
-            window_part((x + i) * w->stride_x - w->pad_left, im->in_w, w->kw, &kx, &kx_end);
-            max_of_columns(call, line + (i * w->stride_x + kx - first.kx) * im->in_c, kx_end - kx,
-                           out);
+            const int32_t at = left + i * w->stride_x, begin = column_of(im, at),
+                          end = column_of(im, at + w->kw);
+            max_of_columns(call, line + (begin - first) * im->in_c, end - begin, out);
         }
     }
 }
