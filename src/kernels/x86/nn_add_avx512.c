@@ -186,8 +186,7 @@ FV_INLINE void sums(const struct sum_job *j, const struct operands *o, const int
     }
     for (; r < o->rows; r++) {
         for (int32_t i = 0; i < o->count; i += 64) {
-            const __mmask64 mask =
-                o->count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (o->count - i));
+            const __mmask64 mask = first_bytes(o->count - i);
             const __m512i va = _mm512_maskz_loadu_epi8(mask, o->a + r * o->lda + i);
             const __m512i vb = _mm512_maskz_loadu_epi8(mask, o->b + r * o->ldb + i);
             _mm512_mask_storeu_epi8(o->out + r * o->ldo + i, mask,

@@ -9,6 +9,12 @@
 
 #define FV_INLINE static inline __attribute__((always_inline))
 
+/* The first `count` of 64 bytes, all where there are more; count is at least 1. */
+FV_INLINE __mmask64 first_bytes(ptrdiff_t count)
+{
+    return count >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - count);
+}
+
 /* Constants of 16 channels: see fv_nn_requantize. Even and odd channels take turns in the 64-bit
  * products. */
 struct scale16 {

@@ -16,6 +16,18 @@
 
 enum { COLUMNS_MAX = 72, PHASES_MAX = 3 };
 
+/* Input columns under the kernel of an output pixel, from the first to the last. */
+static inline int32_t span_of(const struct fv_nn_depthwise *d)
+{
+    return (d->kw - 1) * d->dilation_x + 1;
+}
+
+/* Those under the kernels of a row of output pixels. */
+static inline int32_t columns_of(const struct fv_nn_depthwise *d)
+{
+    return (d->out_w - 1) * d->stride_x + span_of(d);
+}
+
 /* ---- blocks of 64 channels ------------------------------------------------------------------- */
 
 static inline const uint8_t *input_row(const struct fv_nn_depthwise *d, const uint8_t *in,
@@ -82,7 +94,7 @@ static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise
                              const uint8_t *in, uint8_t *out, int32_t y, uint8_t *scratch,
                              int above)
 {
-    const int32_t span = (d->kw - 1) * d->dilation_x + 1, groups = (d->kh + 3) / 4;
+    const int32_t span = span_of(d), groups = (d->kh + 3) / 4;
     const int32_t most = span > COLUMNS_MAX ? 1 : (COLUMNS_MAX - span) / d->stride_x + 1;
     for (int32_t x = 0, count; x < d->out_w; x += count) {
         count = d->out_w - x < most ? d->out_w - x : most;
@@ -112,7 +124,7 @@ static inline void by_blocks(const struct fv_nn_depthwise *d, int32_t channels, 
     struct lanes l;
     for (int32_t c = 0; c < channels; c += 64) {
         load_lanes(&l, d, c, 0);
-        l.mask = channels - c >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (channels - c));
+        l.mask = first_bytes(channels - c);
         for (int32_t y = begin; y < end; y++) {
             block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y,
                       scratch, above);
@@ -126,8 +138,7 @@ static inline void by_blocks(const struct fv_nn_depthwise *d, int32_t channels, 
  * and room to read past. */
 static inline ptrdiff_t flat_part(const struct fv_nn_depthwise *d)
 {
-    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
-    return (ptrdiff_t)((all + d->stride_x - 1) / d->stride_x) * d->channels + 64;
+    return (ptrdiff_t)((columns_of(d) + d->stride_x - 1) / d->stride_x) * d->channels + 64;
 }
 
 static inline int32_t common_divisor(int32_t a, int32_t b)
@@ -155,7 +166,7 @@ static inline void load_phases(struct lanes *lanes, const struct fv_nn_depthwise
 static inline int flat_fits(const struct fv_nn_depthwise *d)
 {
     if (d->stride_x > 1 && d->channels >= 48) return 0; /* sorting columns takes longer */
-    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
+    const int32_t span = span_of(d), all = columns_of(d);
     const int32_t most = span > COLUMNS_MAX ? span : COLUMNS_MAX;
     const ptrdiff_t room = (ptrdiff_t)(all < most ? all : most) * 256 * ((d->kh + 3) / 4);
     const int32_t blocks = (d->channels + 63) / 64;
@@ -208,8 +219,7 @@ static inline void copy_pixels(uint8_t *to, const uint8_t *from, ptrdiff_t step,
 static inline void copy_phase(const struct fv_nn_depthwise *d, const uint8_t *row, int32_t phase,
                               uint8_t *to)
 {
-    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span,
-                  s = d->stride_x, c = d->channels;
+    const int32_t all = columns_of(d), s = d->stride_x, c = d->channels;
     const int32_t count = phase < all ? (all - phase + s - 1) / s : 0;
     const int32_t before = (d->pad_left - phase + s - 1) / s, /* columns left of the image */
         inside = (d->in_w + d->pad_left - phase + s - 1) / s;
@@ -231,7 +241,7 @@ FV_INLINE void fill(uint8_t *to, int32_t value, ptrdiff_t bytes)
 {
     const __m512i all = _mm512_set1_epi8((char)value);
     for (; bytes > 0; bytes -= 64, to += 64)
-        _mm512_mask_storeu_epi8(to, bytes < 64 ? ~UINT64_C(0) >> (64 - bytes) : ~UINT64_C(0), all);
+        _mm512_mask_storeu_epi8(to, first_bytes(bytes), all);
 }
 
 /* Every second column of a row of pixels without gap, and the others: 64 bytes are sorted at once.
@@ -242,7 +252,7 @@ static inline void copy_halves(const struct fv_nn_depthwise *d, const uint8_t *r
     const __m512i order = d->channels == 8    ? _mm512_setr_epi64(0, 2, 4, 6, 1, 3, 5, 7)
                           : d->channels == 16 ? _mm512_setr_epi64(0, 1, 4, 5, 2, 3, 6, 7)
                                               : _mm512_setr_epi64(0, 1, 2, 3, 4, 5, 6, 7);
-    const int32_t all = (d->out_w - 1) * 2 + (d->kw - 1) * d->dilation_x + 1, c = d->channels,
+    const int32_t all = columns_of(d), c = d->channels,
                   left = d->pad_left < all ? d->pad_left : all,
                   right = left + d->in_w < all ? left + d->in_w : all;
     uint8_t *first = to + left % 2 * part + (ptrdiff_t)(left / 2) * c,
@@ -281,7 +291,7 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
 FV_INLINE void store_pixels(const struct fv_nn_depthwise *d, uint8_t *out, int32_t j, int32_t total,
                             __m512i bytes)
 {
-    const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
+    const __mmask64 mask = first_bytes(total - j);
     if (d->out_stride == d->channels) {
         _mm512_mask_storeu_epi8(out + j, mask, bytes);
         return;
@@ -476,7 +486,7 @@ FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwis
                 }
             }
         }
-        const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
+        const __mmask64 mask = first_bytes(total - j);
         _mm512_mask_storeu_epi8(out + j, mask, finish(h.real, l, d, acc, above));
     }
 }

@@ -4,7 +4,7 @@
 void fv_k_nn_max_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
 {
     for (int32_t i = 0; i < count; i += 64) {
-        const __mmask64 mask = count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (count - i));
+        const __mmask64 mask = first_bytes(count - i);
         _mm512_mask_storeu_epi8(out + i, mask,
                                 _mm512_max_epu8(_mm512_maskz_loadu_epi8(mask, a + i),
                                                 _mm512_maskz_loadu_epi8(mask, b + i)));
@@ -14,7 +14,7 @@ void fv_k_nn_max_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, in
 void fv_k_nn_min_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
 {
     for (int32_t i = 0; i < count; i += 64) {
-        const __mmask64 mask = count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (count - i));
+        const __mmask64 mask = first_bytes(count - i);
         _mm512_mask_storeu_epi8(out + i, mask,
                                 _mm512_min_epu8(_mm512_maskz_loadu_epi8(mask, a + i),
                                                 _mm512_maskz_loadu_epi8(mask, b + i)));
@@ -118,7 +118,7 @@ void fv_k_nn_gather_u8__avx512(const uint8_t *in, ptrdiff_t step, uint8_t *out, 
         return;
     }
     const int32_t whole = run / 64 * 64;
-    const __mmask64 rest = run == whole ? 0 : ~UINT64_C(0) >> (64 - (run - whole));
+    const __mmask64 rest = run == whole ? 0 : first_bytes(run - whole);
     for (int32_t i = 0; i < count; i++, in += step, out += pitch) {
         for (int32_t at = 0; at < whole; at += 64)
             _mm512_storeu_si512(out + at, _mm512_loadu_si512(in + at));

@@ -209,13 +209,7 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
     const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
     accumulate(j, ROWS, BLOCKS, APART, acc);
-#ifndef __clang__
-    /* From here on other registers: else gcc, which has none left below, keeps some of the
-     * accumulators in memory, in the innermost loop too. */
-#pragma GCC unroll 24
-    for (int i = 0; i < ROWS * BLOCKS; i++)
-        __asm__("" : "+v"(acc[i]));
-#endif
+    change_registers(acc, ROWS * BLOCKS);
     if (BLOCKS > 0) scale_block(acc, s, ROWS, BLOCKS, 0, above);
     if (BLOCKS > 1) scale_block(acc, s, ROWS, BLOCKS, 1, above);
     if (BLOCKS > 2) scale_block(acc, s, ROWS, BLOCKS, 2, above);

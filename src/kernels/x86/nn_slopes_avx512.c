@@ -44,8 +44,7 @@ static void run_of_rows(const struct job *j, const struct fv_nn_slopes *p, const
             words[lane] = _mm512_loadu_si512(p->slopes + (first + 16 * lane) % count);
         transpose_lanes(words, falling);
         for (ptrdiff_t i = first; i < total; i += step) {
-            const __mmask64 some =
-                total - i < 64 ? ~UINT64_C(0) >> (64 - (total - i)) : ~UINT64_C(0);
+            const __mmask64 some = first_bytes(total - i);
             _mm512_mask_storeu_epi8(out + i, some,
                                     slopes64(j, _mm512_maskz_loadu_epi8(some, in + i), falling));
         }

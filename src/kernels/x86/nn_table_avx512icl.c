@@ -7,7 +7,7 @@ void fv_k_nn_table_u8__avx512icl(const uint8_t *table, const uint8_t *in, uint8_
     struct table64 t;
     load_table(&t, table);
     for (int32_t i = 0; i < count; i += 64) {
-        const __mmask64 mask = count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (count - i));
+        const __mmask64 mask = first_bytes(count - i);
         _mm512_mask_storeu_epi8(out + i, mask, look_up(_mm512_maskz_loadu_epi8(mask, in + i), &t));
     }
 }
