@@ -91,14 +91,15 @@ static void max_row(const struct fv_op_pool *p, const uint8_t *line, int32_t iy,
     }
 }
 
-enum { LINE_MAX = 8192 };
+enum { LINE_BYTES = 8192 };
 
 /* Whether an output row goes by a line: the largest of every byte over the window's rows once, then
  * over its columns. */
 static int is_by_line(const struct fv_op_pool *p)
 {
     const struct fv_op_image *im = &p->image;
-    return !p->average && im->in_stride == im->in_c && (int64_t)p->window.kw * im->in_c <= LINE_MAX;
+    return !p->average && im->in_stride == im->in_c &&
+           (int64_t)p->window.kw * im->in_c <= LINE_BYTES;
 }
 
 /* The largest of rows [ky, ky_end) below `from`, `pitch` bytes apart. */
@@ -135,14 +136,14 @@ static int32_t column_of(const struct fv_op_image *im, int32_t at)
     return at < 0 ? 0 : at > im->in_w ? im->in_w : at;
 }
 
-/* An output row, as many pixels at a time as LINE_MAX holds the inputs of. */
+/* An output row, as many pixels at a time as LINE_BYTES holds the inputs of. */
 static void max_row_by_line(const struct fv_nn_call *call, int32_t row, uint8_t *out)
 {
     const struct fv_op_pool *p = &call->op->u.pool;
     const struct fv_op_image *im = &p->image;
     const struct fv_op_window *w = &p->window;
-    const int32_t most = (LINE_MAX / im->in_c - w->kw) / w->stride_x + 1;
-    uint8_t line[LINE_MAX];
+    const int32_t most = (LINE_BYTES / im->in_c - w->kw) / w->stride_x + 1;
+    uint8_t line[LINE_BYTES];
     for (int32_t x = 0, some; x < im->out_w; x += some) {
         some = im->out_w - x < most ? im->out_w - x : most;
         const struct view v = view_of(call, row, x);
