@@ -10,7 +10,7 @@ enum {
     PIXELS = 144, /* at borders that are gathered together, at most */
     RUNS = 24,
     BORDERS_LEAST = 6,
-    BAND_LEAST = 3 /* output rows of a band, as each copies rows of the one before again */
+    BAND_LEAST = 3 /* output rows of a band: fewer copy most input rows again for the next band */
 };
 
 /* Runs of pixels that wait for one product. */
@@ -157,7 +157,7 @@ static void init_band(struct band *b, const struct fv_op_conv *c, uint8_t *from,
 }
 
 /* Pixels of an image to pixels without gap, in pieces of 16 bytes: up to 15 bytes past a pixel are
- * read (tensors have slack) and written (what follows is written later). */
+ * read (tensors have slack) and written (what follows is written later, or is slack). */
 static void copy_pixels(const struct fv_op_image *im, const uint8_t *from, uint8_t *to,
                         int32_t count)
 {
@@ -198,9 +198,8 @@ static uint8_t *align(uint8_t *at)
     return at + (64 - (uintptr_t)at % 64) % 64;
 }
 
-/* Groups of inputs of `taps` pixels each. Cuts the scratch into weights that begin with a group, if
- * needed, offsets, and rows of pixels at borders, or a band; 0 where it is too small, or where
- * padding costs too much. */
+/* Cuts the scratch into weights, where runs of `taps` pixels are no whole groups, offsets, and rows
+ * of pixels at borders, or a band. 0: it is too small, or padding the weights costs too much. */
 static int cut_scratch(struct apart *a, const struct fv_nn_gemm *gemm, int32_t taps, int is_band)
 {
     const struct fv_nn_call *call = a->g->call;

@@ -44,10 +44,9 @@ struct fv_nn_rows {
 };
 
 /* The same product of rows whose inputs lie apart, in groups of four: group j from the row's begin
- * + offsets[j] on, j < k4, with k = 4 k4 and row_sum_factor 0. `rows`: `count` of them, at least 1.
- * Reads nothing else. Where it has no variant but C, it is faster to gather the rows for
- * nn_gemm_u8.
- */
+ * + offsets[j] on, j < k4, with k = 4 k4 and row_sum_factor 0. `rows`: `count` runs of rows, at
+ * least 1. Reads nothing else; a row may be computed twice. Where it has no variant but C, it is
+ * faster to gather the rows for nn_gemm_u8. */
 typedef void fv_k_nn_apart_u8_fn(const struct fv_nn_gemm *gemm, const int32_t *offsets,
                                  const struct fv_nn_rows *rows, int32_t count);
 
@@ -71,11 +70,9 @@ struct fv_nn_depthwise {
 };
 
 /* Output rows [begin, end). `in` is the image's first pixel, `out` that of row `begin`. `scratch`:
- * 64-byte aligned, 256 bytes times ceil(kh / 4) times min((out_w - 1) stride_x + (kw - 1)
- * dilation_x + 1, max(72, (kw
- * - 1) dilation_x + 1)). May read 64 bytes past the image; writes exactly `channels` bytes per
- * output pixel.
- */
+ * 64-byte aligned, 256 bytes times ceil(kh / 4) times min((out_w - 1) stride_x + span, max(72,
+ * span)), where span = (kw - 1) dilation_x + 1. May read 64 bytes past the image; writes exactly
+ * `channels` bytes per output pixel. */
 typedef void fv_k_nn_depthwise_u8_fn(const struct fv_nn_depthwise *d, const uint8_t *in,
                                      uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch);
 

@@ -8,7 +8,7 @@
  *    channels belong together, with the weights repeating every `channels` bytes. Rows are copied
  *    with their borders, columns sorted by stride;
  *  - streams: the same where pixels are whole lanes of 16 bytes and follow each other: each column
- *    is interleaved once for all outputs over it. */
+ *    is interleaved once for all outputs over it; the scratch holds them up to 48 channels. */
 #ifndef FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 #define FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 
@@ -151,7 +151,7 @@ static inline int32_t common_divisor(int32_t a, int32_t b)
     return a;
 }
 
-/* A row's 64 lanes stand for the same channels again after so many times 64. */
+/* Every n-th 64 bytes of a row stand for the same channels. */
 static inline int32_t phases_of(const struct fv_nn_depthwise *d)
 {
     return d->channels / common_divisor(d->channels, 64);
@@ -360,7 +360,7 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
         const uint8_t *rows[4] = {NULL};
         for (int32_t ky = 0; ky < d->kh; ky++) {
             const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
-            /* Rows of a kernel without gaps take turns in kh places: each is copied once. */
+            /* Rows of a kernel without gaps share kh copies in rotation: each is copied once. */
             const int32_t turn = d->dilation_y == 1 ? (iy % d->kh + d->kh) % d->kh : ky;
             uint8_t *to = scratch + turn * pitch;
             if (d->dilation_y != 1 || iy > copied) copy_flat(d, input_row(d, in, y, ky), to, part);

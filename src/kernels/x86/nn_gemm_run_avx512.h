@@ -8,7 +8,8 @@
 
 enum { RUN_ROWS = 16, RUN_REST = 8 };
 
-/* Whether tiles fit the run; the last overlaps the one before. */
+/* Whether tiles fit the run: as the last one overlaps the one before, some rows are done twice, at
+ * most a quarter of them. */
 static inline int is_long_run(const struct fv_nn_gemm *g, int32_t count)
 {
     const int32_t twice = (RUN_REST - count % RUN_REST) % RUN_REST;
