@@ -14,10 +14,12 @@ enum { STEPS_MAX = 20, HELD_STEPS_MAX = 3 };
 struct lanes {
     __m512i weights[STEPS_MAX][4];
     __m512i bias[4];
-    struct down16 down[4];
-    struct scale16 scale[4];
+    union { /* exact rounding; by `down` where is_down */
+        struct down16 down[4];
+        struct scale16 scale[4];
+    };
     struct real16 real[4];
-    int is_real, is_down; /* which of these rounds them; the scales, where both are 0 */
+    int is_real, is_down; /* is_real: they are rounded by `real` in place of it */
     struct table64 table;
     struct clamp64 clamp;
     __mmask64 mask;
