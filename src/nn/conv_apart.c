@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "nn/conv.h"
+#include "nn/copy.h"
 
 enum {
     PIXELS = 144, /* at borders that are gathered together, at most */
@@ -25,10 +26,10 @@ struct batch {
 /* Some rows of the image, as wide as the kernels of a row of output pixels reach. */
 struct band {
     uint8_t *bytes;
-    int32_t out_rows;             /* that it serves; 0: there is no band */
-    ptrdiff_t line;               /* bytes from row to row */
-    int32_t left, columns, right; /* pixels of a row: before the image, of it, and after it */
-    int32_t first;                /* column of the image that comes first */
+    int32_t out_rows;      /* that it serves; 0: there is no band */
+    ptrdiff_t line;        /* bytes from row to row */
+    int32_t left, columns; /* pixels of a row: before the image, and of it */
+    int32_t first;         /* column of the image that comes first */
 };
 
 /* Pixels inside, and pixels at borders with room for their rows. */
@@ -153,18 +154,6 @@ static void init_band(struct band *b, const struct fv_op_conv *c, uint8_t *from,
     b->first = w->pad_left < 0 ? -w->pad_left : 0;
     b->left = (int32_t)between(w->pad_left, 0, width);
     b->columns = (int32_t)between(im->in_w - b->first, 0, width - b->left);
-    b->right = (int32_t)(width - b->left - b->columns);
-}
-
-/* Pixels of an image to pixels without gap, in pieces of 16 bytes: up to 15 bytes past a pixel are
- * read (tensors have slack) and written (what follows is written later, or is slack). */
-static void copy_pixels(const struct fv_op_image *im, const uint8_t *from, uint8_t *to,
-                        int32_t count)
-{
-    for (int32_t x = 0; x < count; x++, from += im->in_stride, to += im->in_c) {
-        for (int32_t i = 0; i < im->in_c; i += 16)
-            memcpy(to + i, from + i, 16);
-    }
 }
 
 /* The inputs of `rows` output rows of an image, from y on. */
@@ -187,7 +176,9 @@ static void fill_band(const struct band *b, const struct fv_op_conv *c, const ui
         if (im->in_stride == im->in_c) {
             memcpy(to + left, from, (size_t)width);
         } else {
-            copy_pixels(im, from, to + left, b->columns);
+            for (int32_t x = 0; x < b->columns; x++)
+                fv_nn_copy_pieces(to + left + (ptrdiff_t)x * im->in_c,
+                                  from + (ptrdiff_t)x * im->in_stride, im->in_c);
         }
         memset(to + left + width, c->zero_in, (size_t)(b->line - left - width));
     }

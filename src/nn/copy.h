@@ -44,4 +44,12 @@ static inline void fv_nn_copy(uint8_t *to, const uint8_t *from, size_t bytes)
     }
 }
 
+/* Copy in pieces of 16 bytes: up to 15 bytes past the end are read and written, so that no length
+ * is asked for. Of runs that follow each other, in their order, or where there is slack. */
+static inline void fv_nn_copy_pieces(uint8_t *to, const uint8_t *from, int32_t bytes)
+{
+    for (int32_t i = 0; i < bytes; i += 16)
+        memcpy(to + i, from + i, 16);
+}
+
 #endif

@@ -4,6 +4,7 @@
 
 #include "kernels/nn_requantize.h"
 #include "nn/conv.h"
+#include "nn/copy.h"
 #include "nn/real.h"
 
 struct fv_nn_gemm fv_nn_gemm_of(const struct fv_model *model, const struct fv_model_op *op)
@@ -27,16 +28,7 @@ struct fv_nn_gemm fv_nn_gemm_of(const struct fv_model *model, const struct fv_mo
     };
 }
 
-/* Copy in pieces of 16 bytes: up to 15 bytes past the end are read (tensors have slack) and written
- * (the next run, or the slack of the scratch, comes there). Short runs are many, and a call of
- * memcpy for each costs more than the bytes. */
-static inline void copy_run(uint8_t *to, const uint8_t *from, int32_t bytes)
-{
-    for (int32_t i = 0; i < bytes; i += 16)
-        memcpy(to + i, from + i, 16);
-}
-
-/* Fill in pieces of 16 bytes, likewise. */
+/* Fill in pieces of 16 bytes, as fv_nn_copy_pieces copies. */
 static inline void fill_run(uint8_t *to, uint8_t value, int32_t bytes)
 {
     for (int32_t i = 0; i < bytes; i += 16)
@@ -71,13 +63,13 @@ static void gather_run(const struct fv_nn_gathering *g, const uint8_t *line, int
     to += kx * im->in_c;
     if (w->dilation_x == 1 && im->in_stride == im->in_c && kx < w->kw && ix < im->in_w) {
         const int32_t left = w->kw - kx, some = left < im->in_w - ix ? left : im->in_w - ix;
-        copy_run(to, line + (ptrdiff_t)ix * im->in_stride, some * im->in_c);
+        fv_nn_copy_pieces(to, line + (ptrdiff_t)ix * im->in_stride, some * im->in_c);
         to += some * im->in_c;
         kx += some;
         ix += some;
     }
     for (; kx < w->kw && ix < im->in_w; kx++, ix += w->dilation_x, to += im->in_c)
-        copy_run(to, line + (ptrdiff_t)ix * im->in_stride, im->in_c);
+        fv_nn_copy_pieces(to, line + (ptrdiff_t)ix * im->in_stride, im->in_c);
     fill_run(to, g->c->zero_in, (w->kw - kx) * im->in_c);
 }
 
@@ -237,7 +229,7 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_nn_gemm gemm = fv_nn_gemm_of(call->model, call->op);
     const int32_t first = begin * c->image.out_w, last = end * c->image.out_w;
-    const ptrdiff_t pitch = (c->k4 * 4 + 15 + 63) / 64 * 64; /* room for copy_run */
+    const ptrdiff_t pitch = (c->k4 * 4 + 15 + 63) / 64 * 64; /* room for fv_nn_copy_pieces */
     for (int32_t row = begin; c->parts > 1 && row < end; row++)
         connect_part(call, &gemm, row / c->parts, row % c->parts);
     if (c->parts > 1) return;

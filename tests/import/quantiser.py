@@ -63,12 +63,12 @@ def network(planes=False):
     return b.file()
 
 
-def pictures(folder, count):
+def pictures(folder, count, low=0, high=256):
     """Smooth ones with edges, all different."""
     from PIL import Image
     r = np.random.default_rng(1)
     for i in range(count):
-        small = r.integers(0, 256, (4, 5, 3)).astype(np.uint8)
+        small = r.integers(low, high, (4, 5, 3)).astype(np.uint8)
         Image.fromarray(small).resize((48, 40), Image.Resampling.NEAREST if i % 2 else Image.Resampling.BICUBIC).save(os.path.join(folder, f"{i:02}.png"))
 
 
@@ -316,6 +316,15 @@ def ranges(bench):
     found = [quantise.habits(none, {}, image, [shape])[:2] for image in ([1, 640, 640, 3], [1, 3, 640, 640]) for shape in shapes]
     bench.holds("and networks whose output has a row for each cell of YOLO's grids",
                 found == 2 * [*3 * [("letterbox", 0)], ("stretch", 127.5)], found)
+    dull = os.path.join(bench.folder, "dull")
+    os.mkdir(dull)
+    pictures(dull, 4, 60, 160)
+    done, out = bench.tool("--quantise", bench.path("dull.tflite", network()), dull, "-o", bench.path("dull.fvm"), "--decoder", "none"), ()
+    if done.returncode == 0:
+        with open(bench.path("dull.fvm"), "rb") as file:
+            raw = file.read()
+        out = [struct.unpack_from("<f", raw, 160 + at)[0] for at in (20, 32)]
+    bench.holds("the model file has the mean and scale of the calibration, whatever range its pictures have", np.allclose(out, (127.5, 1 / 127.5)), (out, done))
 
 
 def precision(bench):

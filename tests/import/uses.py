@@ -31,16 +31,15 @@ V8 = ("--decoder", "yolov8")
 DECODERS = TOOL.use.DECODERS
 
 
-def network(out_shapes, last=None, ends="int8", scale_in=1 / 255, scale_out=1 / 256, zero_in=-128):
-    """An image of 32 x 24 reshaped, tiled or cut into outputs; `ends` float32: quantised inside."""
-    b = Builder()
-    image = (1, 24, 32, 3)
+def network(out_shapes, last=None, ends="int8", scale_in=1 / 255, scale_out=1 / 256, zero_in=-128, image=(1, 24, 32, 3)):
+    """An image reshaped, tiled or cut into outputs; `ends` float32: quantised inside."""
+    b, pixels = Builder(), int(np.prod(image))
     x = q = b.tensor("int8", image, scale_in, zero_in)
     if ends == "float32":
         x = b.tensor("float32", image)
         b.op("QUANTIZE", [x], [q], "Quantize")
-    flat = b.tensor("int8", (1, 2304), scale_in, zero_in)
-    b.op("RESHAPE", [q, b.const("int32", [1, 2304])], [flat], "Reshape", NewShape=[1, 2304])
+    flat = b.tensor("int8", (1, pixels), scale_in, zero_in)
+    b.op("RESHAPE", [q, b.const("int32", [1, pixels])], [flat], "Reshape", NewShape=[1, pixels])
     outs = []
     for shape in out_shapes:
         size = int(np.prod(shape))
@@ -176,9 +175,13 @@ def guesses(bench):
                                    ("an odd head", [(1, 56, 40)], None), ("anchors of a face detector", [(1, 96, 16), (1, 96, 1)], None),
                                    ("boxes after suppression", [(1, 30, 6)], None), ("key points", [(1, 1, 17, 3)], None),
                                    ("a mask", [(1, 24, 32, 1)], None), ("scores of every pixel", [(1, 12, 16, 4)], "SOFTMAX"),
-                                   ("scores of pixels of 4 x 4", [(1, 6, 8, 4)], "SOFTMAX"), ("a picture of numbers from 0 to 1", [(1, 768)], "LOGISTIC"),
+                                   ("a picture of numbers from 0 to 1", [(1, 768)], "LOGISTIC"),
                                    ("characters of a plate", [(9, 37)], "SOFTMAX"), ("characters of a text", [(1, 1, 24, 40)], "ARG_MAX")):
             bench.refused(f"{what} {ends}", network(shapes, last, ends), "--decoder none")
+        bench.refused(f"scores of pixels of 4 x 4 {ends}", network([(1, 6, 8, 4)], "SOFTMAX", ends), "cells of 8 x 8")
+        for what, last, scale in (("classes and a score", "LOGISTIC", 1 / 255), ("small numbers and a score", None, 0.05)):
+            bench.refused(f"{what} with the shapes of a hand's keypoints {ends}", network([(1, 63), (1, 1)], last, ends, scale, image=(1, 224, 224, 3)),
+                          "keypoints in pixels")
         labels = bench.file("numbers.txt", "".join(f"{i}\n" for i in range(10)))
         found = bench.run(network([(1, 10)], "LOGISTIC", ends), "--labels", labels, trial=False)
         bench.holds(f"a classifier from LOGISTIC with labels {ends}", getattr(found, "decoder", found), "classifier")

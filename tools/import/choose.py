@@ -57,8 +57,9 @@ def yolo(e, rows, n, per_cell, name):
         return f"has {scores} rows of scores from LOGISTIC, found {int(known[4:].all(1).sum())}"
     if known[:4].all(1).any():
         return "has coordinates of boxes in rows 0 to 3, found scores from LOGISTIC"
-    if (name == "yolov8" or per_cell > 1) and np.isfinite(e.range_of(e.outs[0])[1]) and e.range_of(e.outs[0])[1] > BOXES_MOST:
-        return f"has boxes as shares of the picture, found numbers to {e.range_of(e.outs[0])[1]:.3g}, whose steps lose the scores"
+    most = e.range_of(e.outs[0])[1]
+    if (name == "yolov8" or per_cell > 1) and BOXES_MOST < most < np.inf:  # YOLOX has boxes in cells
+        return f"has boxes as shares of the picture, found numbers to {most:.3g}, whose steps lose the scores"
     return labelled(e, rows - first)
 
 
@@ -236,8 +237,8 @@ def choose(e):
 
 
 def hold(e, name):
-    """A decoder that the user names is believed, but for what it can only misread: scores from another range, inputs that nobody
-    sets."""
+    """A decoder that the user names is believed, but for what it can only misread: outputs of other axes, scores from another range, inputs
+    that nobody sets."""
     if name != "none":
         one_input(e)
     ranks = {"yolov2": (4,), "fomo": (4,), "movenet": (3, 4), **{n: (3,) for n in ("yolov5", "yolov8", "yolov8_pose", "yolov8_obb", "yolox")}}

@@ -2,6 +2,9 @@
 
 #include <immintrin.h>
 
+#define FAST_LANES 16
+#include "kernels/x86/fast_peaks.h"
+
 #define MIN _mm_min_epu8
 #define MAX _mm_max_epu8
 
@@ -112,36 +115,14 @@ static inline uint32_t peaks(const uint8_t *above, const uint8_t *row, const uin
     return (uint32_t)_mm_movemask_epi8(lower) ^ 0xffffu;
 }
 
-/* Lists of groups instead of branches, as above: of those with scores, then of those with peaks. */
-static int32_t peaks_of_stretch(uint16_t *columns, const uint8_t *above, const uint8_t *row,
-                                const uint8_t *below, int32_t from, int32_t to)
+static inline int has_scores(const uint8_t *row)
 {
-    int32_t groups[STRETCH / 16 + 1], scored = 0, peaked = 0, found = 0;
-    uint32_t of_group[STRETCH / 16 + 1];
-    for (int32_t i = from; i < to; i += 16) {
-        const __m128i scores = load(row + i);
-        groups[scored] = i;
-        scored += !_mm_testz_si128(scores, scores);
-    }
-    for (int32_t k = 0; k < scored; k++) {
-        const int32_t i = groups[k];
-        const uint32_t within = to - i < 16 ? (1u << (to - i)) - 1u : 0xffffu;
-        groups[peaked] = i;
-        of_group[peaked] = peaks(above + i, row + i, below + i) & within;
-        peaked += of_group[peaked] != 0;
-    }
-    for (int32_t k = 0; k < peaked; k++)
-        for (uint32_t left = of_group[k]; left != 0; left &= left - 1)
-            columns[found++] = (uint16_t)(groups[k] + __builtin_ctz(left));
-    return found;
+    const __m128i scores = load(row);
+    return !_mm_testz_si128(scores, scores);
 }
 
 int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const uint8_t *row,
                                  const uint8_t *below, int32_t from, int32_t to)
 {
-    int32_t found = 0;
-    for (int32_t i = from; i < to; i += STRETCH)
-        found += peaks_of_stretch(columns + found, above, row, below, i,
-                                  to - i < STRETCH ? to : i + STRETCH);
-    return found;
+    return peaks_of_row(columns, above, row, below, from, to);
 }
