@@ -31,7 +31,7 @@ bbff11cebd1eb27a face_detection_short_range-2 real decoder blaze
 2efcb4f4de43c761 face_landmark-1 real decoder landmarks
 1055cb9d4a9ca8b8 face_landmark-2 real decoder landmarks
 e06a804e0144f992 face_landmark_with_attention real unresolved custom op: Landmarks2TransformMatrix
-d1744d2a09c25f50 iris_landmark real found outputs int8[1, 213] int8[1, 15]; classifier has one output, found 2: @
+d1744d2a09c25f50 iris_landmark real found outputs int8[1, 213] int8[1, 15], which no decoder reads together: @
 67d996ce96f9d36f hand_recrop real found outputs int8[1, 1, 1, 4]; classifier ends in SOFTMAX or LOGISTIC, found numbers from 0 to 276: @
 11c272b891e1a99a hand_landmark_full real decoder landmarks
 048edd3645c9bf73 hand_landmark_lite real decoder landmarks

@@ -186,7 +186,7 @@ def guesses(bench):
         found = bench.run(network([(1, 10)], "LOGISTIC", ends), "--labels", labels, trial=False)
         bench.holds(f"a classifier from LOGISTIC with labels {ends}", getattr(found, "decoder", found), "classifier")
     for decoder in ("yolov8", "yolov5", "fomo", "yolov2"):
-        bench.refused(f"two scores as {decoder}", network([(1, 2)], "SOFTMAX"), "axes, or none", "--decoder", decoder)
+        bench.refused(f"two scores as {decoder}", network([(1, 2)], "SOFTMAX"), "axes: [1, ", "--decoder", decoder)
     bench.refused("nine rows of scores", network([(9, 37)], "SOFTMAX"), "expected one row", "--decoder", "classifier")
     bench.refused("boxes without their operator", network([(1, 40, 7)]), "TFLite_Detection_PostProcess", "--decoder", "ssd")
     bench.refused("a picture that is lost", network([(1, 20)], "SOFTMAX"), "and not 0", "--scale", "0")
@@ -204,9 +204,9 @@ def heads(bench):
         bench.refused(f"{wrong} where {kind} fits", yolo(kind, 3, n), f"expected --decoder {kind}", "--decoder", wrong)
         bench.holds("its classes and fractions", (getattr(found, "classes", 0), getattr(found, "normalised", 0)), (3, 1))
         for what, model in (("rows that are no scores", yolo(kind, 1, n, 8)), ("no sigmoid", yolo(kind, 3, n, sigmoid=False)),
-                            ("another number of boxes", yolo(kind, 3, other, boxes=lambda n: np.zeros((n, 4)))),
-                            ("prototypes beside it", yolo(kind, 3, n, outputs=2))):
+                            ("another number of boxes", yolo(kind, 3, other, boxes=lambda n: np.zeros((n, 4))))):
             bench.refused(f"{kind}: {what}", model, f"--decoder {kind}")
+        bench.refused(f"{kind}: prototypes beside it", yolo(kind, 3, n, outputs=2), "expected --decoder none")
         bench.refused(f"{kind}: two labels for three classes", yolo(kind, 3, n), "found 2 labels", "--labels", names)
         if not isinstance(found, Written) or ENGINE(found.raw) is None:
             print("SKIPPED trials of decoders on pictures: the engine is not built for this machine")

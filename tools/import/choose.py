@@ -4,15 +4,16 @@ stops with one line that names the candidates."""
 import numpy as np
 
 import details
+import forms
 import fraction
 import segment
-from graph import ImportProblem, origin
+from graph import ImportProblem, REFUSAL_MAX, origin
 
 LABELS_MAX = 4096  # what the loader takes
 BOXES_MOST = 2.0  # of boxes in shares of the picture, which may reach beyond it
 BACKGROUND = ("background", "???", "_background_", "none")
 STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
-TASKS = {"detect": ("yolov5", "yolov8", "yolox", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end"),
+TASKS = {"detect": ("yolov5", "yolov8", "yolox", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end", "movenet"),
          "obb": ("yolov8_obb",)}  # of Ultralytics' exports
 
 
@@ -63,8 +64,9 @@ def yolo(e, rows, n, per_cell, name):
     return labelled(e, rows - first)
 
 
-def labelled(e, classes, extra=1):
-    """Labels there are must be as many as the classes, or one more for the background."""
+def labelled(e, classes):
+    """Labels there are must be as many as the classes, or one more, of which the first is the background."""
+    extra = int(bool(e.labels) and e.labels[0].lower() in BACKGROUND)
     if e.labels and not classes <= len(e.labels) <= classes + extra:
         return f"would tell {classes} classes apart, found {len(e.labels)} labels"
     return None
@@ -121,13 +123,20 @@ def end2end(e):
 
 
 def movenet(e):
-    """Of one person: the third number of each keypoint is a score."""
-    if e.shape[-2] != 17 or len(e.outs) != 1:
+    """The third number of each keypoint is a score, those before it are not: where all are from LOGISTIC they may be anything from 0 to 1,
+    but for metadata of a pose. Of several people there are a box and a score besides."""
+    mask = e.mask(e.graph.outputs[0])
+    several = forms.several_people(e)
+    if not several and (e.shape[-2] != 17 or len(e.outs) != 1):
         return f"has 17 keypoints in one output, found {e.shape[-2]}"
     low, high = e.range_of(e.outs[0])
     if np.isfinite(high) and (low < -0.5 or high > 1.5):
         return f"has fractions of the picture, found numbers from {low:.3g} to {high:.3g}"
-    return None if e.mask(e.graph.outputs[0]).reshape(-1, 3)[:, 2].all() else "has scores from LOGISTIC in every third number"
+    points = (mask[..., :51] if several else mask).reshape(-1, 3)
+    if not points[:, 2].all() or several and not mask[..., 55].all():
+        return "has scores from LOGISTIC in every third number"
+    told = e.metadata.get("task") == "pose" and list(e.metadata.get("kpt_shape", ())) == [17, 3]
+    return "has coordinates in two of three numbers, found all from LOGISTIC" if points[:, :2].any() and not told else None
 
 
 def blaze(e):
@@ -177,9 +186,12 @@ def candidates(e):
         return {"ssd_raw": ssd_raw(e)}
     if len(e.outs) > 1 and several(e):
         return several(e)
+    for name, fault in (("ssd_raw", ssd_raw), ("yolov3", lambda e: None)):
+        if forms.FORMS[name][2](e):
+            return {name: fault(e) or "needs its anchors"}
     if len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
         found["classifier"] = classifier(e)
-    elif len(shape) == 4 and shape[:2] == (1, 1) and shape[3] == 3:
+    elif len(shape) == 4 and shape[:2] == (1, 1) and shape[3] == 3 or forms.several_people(e):
         found["movenet"] = movenet(e)
     elif len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
         found["yolov8"] = yolo(e, shape[1], shape[2], 1, "yolov8")
@@ -202,9 +214,21 @@ def candidates(e):
     return found
 
 
-def shape_text(e):
-    texts = [f"{t.type.lower()}[{', '.join(str(n) for n in t.shape)}]" for t in e.outs[:3]]
-    return " ".join(texts) + (f" and {len(e.outs) - 3} more" if len(e.outs) > 3 else "")
+def shape_text(e, most=3):
+    texts = [f"{t.type.lower()}[{', '.join(str(n) for n in t.shape)}]" for t in e.outs[:most]]
+    return " ".join(texts) + (f" and {len(e.outs) - most} more" if len(e.outs) > most else "")
+
+
+def refusal(e, reason, names):
+    """The line that names what could read the outputs, in REFUSAL_MAX characters: what matters least goes first."""
+    raw, unsure = "--decoder none for the raw outputs", ", which no decoder is certain to read"
+    for outputs, why, none, count in ((3, reason, raw, 3), (1, reason, raw, 3), (1, reason, raw, 2), (1, reason, raw, 1), (1, reason, raw[:14], 1),
+                                      (1, unsure, raw, 1), (1, "", raw, 1)):
+        ways = " or ".join(forms.option(e, name) for name in names[:count])
+        text = f"found outputs {shape_text(e, outputs)}{why}: expected {none}" + (f", or {ways} if it is that" if ways else "")
+        if len(text) <= REFUSAL_MAX:
+            break
+    return text
 
 
 def one_input(e):
@@ -226,31 +250,34 @@ def choose(e):
         raise ImportProblem(f"its metadata say task {task}, which no decoder here reads from {shape_text(e)}: {raw}")
     if len(fitting) == 1:
         return fitting[0]
-    if not found:
-        raise ImportProblem(f"found outputs {shape_text(e)}, which no decoder is certain to read: {raw}, or --decoder NAME")
-    name, fault = next(iter(found.items()))
-    named = " or ".join(f"--decoder {other}" for other in found if is_held(e, other))
     if len(fitting) > 1:
-        raise ImportProblem(f"found outputs {shape_text(e)}, which {' and '.join(fitting)} both read: expected {named}, or --decoder none for the "
-                            "raw outputs")
-    raise ImportProblem(f"found outputs {shape_text(e)}; {name} {fault}: {raw}" + (f", or {named} if it is that" if named else ""))
+        raise ImportProblem(f"found outputs {shape_text(e)}, which {' and '.join(fitting)} both read: expected "
+                            f"{' or '.join(forms.option(e, name) for name in fitting)}, or --decoder none for the raw outputs")
+    possible = forms.proposed(e, lambda name: True)
+    first = next((name for name in found if name in possible), None)
+    names = sorted(forms.proposed(e, lambda name: is_held(e, name)), key=lambda name: (name != first, name not in found))
+    if first is None and not names and len(e.outs) == 1:  # the best that can be said
+        first = next(iter(found), None)
+        names = [first] if first is not None and is_held(e, first) else []
+    if first is not None:
+        raise ImportProblem(refusal(e, f"; {first} {found[first]}", names))
+    lacking = ", which no decoder is certain to read" if names else f", which no decoder reads{' together' if len(e.outs) > 1 else ''}"
+    raise ImportProblem(refusal(e, lacking, names) + (", or --outputs NAME to keep one" if len(e.outs) > 1 and not names else ""))
 
 
 def hold(e, name):
-    """A decoder that the user names is believed, but for what it can only misread: outputs of other axes, scores from another range, inputs
-    that nobody sets."""
+    """A decoder that the user names is believed, but for what it can only misread: outputs of other axes, scores from another range, numbers of
+    another kind, inputs that nobody sets."""
     if name != "none":
         one_input(e)
-    ranks = {"yolov2": (4,), "fomo": (4,), "movenet": (3, 4), **{n: (3,) for n in ("yolov5", "yolov8", "yolov8_pose", "yolov8_obb", "yolox")}}
-    if len(e.shape) not in ranks.get(name, (len(e.shape),)):
-        raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e)}, expected {' or '.join(str(r) for r in ranks[name])} axes, or none")
     if name == "ssd" and not any(op.name == "TFLite_Detection_PostProcess" for op in e.graph.ops):
         raise ImportProblem("--decoder ssd: found no operator TFLite_Detection_PostProcess, expected it, or --decoder ssd_raw with --anchors")
+    if not forms.fits(e, name):
+        raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e, 2)}, expected {forms.FORMS[name][0]}, or none")
     other = {"yolov5": "yolov8", "yolov8": "yolov5"}.get(name)
     if other and candidates(e).get(other, "no") is None:
-        raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e)}, which {other} reads: expected --decoder {other}, or none")
-    if name == "classifier" and int(np.prod(e.shape)) != e.shape[-1]:
-        raise ImportProblem(f"--decoder classifier: found outputs {shape_text(e)}, expected one row of scores, or none")
+        raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e, 2)}, which {other} reads: expected --decoder {other}, or none")
+    hold_labels(e, name)
     if name not in ("classifier", "fomo", "ssd_raw"):
         return
     tensors = sorted(e.graph.outputs, key=lambda t: e.graph.tensors[t].shape[-1:] != (4,))
@@ -261,12 +288,24 @@ def hold(e, name):
                             "SOFTMAX or LOGISTIC), or none")
 
 
+def hold_labels(e, name):
+    """Of heads whose classes lie between other numbers: labels say where they end."""
+    if name not in ("yolov8_pose", "yolov8_obb", "yolov8_seg"):
+        return
+    known = details.of(name, e, e.arguments)
+    fault = labelled(e, known.classes)
+    if fault:
+        raise ImportProblem(f"--decoder {name}: it {fault}: expected another decoder, or none")
+
+
 def is_held(e, name):
-    """Whether hold() believes the user: an option that would be refused is not proposed."""
+    """Whether hold() and the decoder's details believe the user: an option that would be refused is not proposed, but for what another
+    option says."""
     try:
         hold(e, name)
-    except ImportProblem:
-        return False
+        details.of(name, e, e.arguments)
+    except ImportProblem as problem:
+        return "--points" in str(problem) or "--anchors" in str(problem)
     return True
 
 

@@ -72,20 +72,32 @@ def rows_of(e, output=0):
     return rows, classes
 
 
+def points_of(e, arguments):
+    """(count, numbers of each) of a pose's keypoints: by --points, the metadata, or rows of x, y and a score from LOGISTIC; None: unknown."""
+    rows, classes = rows_of(e)
+    rest, asked = rows[4 + classes:], asked_points(arguments, e.metadata)
+    if asked is None and len(rest) and len(rest) % 3 == 0 and (rest.reshape(-1, 3) == [False, False, True]).all():
+        asked = len(rest) // 3, 3
+    return asked
+
+
 def pose(e, arguments):
     if len(e.shape) != 3 or len(e.outs) != 1:
         wrong("yolov8_pose", e, "one of [1, 4 + classes + keypoints, boxes]")
     rows, classes = rows_of(e)
-    rest = len(rows) - 4 - classes
-    asked = asked_points(arguments, e.metadata)
-    if asked is None and rest and rest % 3 == 0 and (rows[4 + classes:].reshape(-1, 3) == [False, False, True]).all():
-        asked = rest // 3, 3
+    asked = points_of(e, arguments)
+    if asked is None and 4 + classes == len(rows):
+        raise ImportProblem("--decoder yolov8_pose: found scores from LOGISTIC in all rows after the box, expected keypoints: another decoder, or none")
     if asked is None:
-        raise ImportProblem(f"--decoder yolov8_pose: found {rest} numbers after the classes, expected --points COUNT,VALUES")
+        raise ImportProblem(f"--decoder yolov8_pose: found {len(rows) - 4 - classes} numbers after the classes, expected --points COUNT,VALUES")
     count, values = asked
     classes = len(rows) - 4 - count * values
     if classes < 1:
         wrong("yolov8_pose", e, f"4 numbers, classes and {count} keypoints of {values} for each box")
+    places = rows[4 + classes:].reshape(count, values)[:, :2]
+    if places.any():
+        raise ImportProblem(f"--decoder yolov8_pose: found scores from LOGISTIC in {int(places.sum())} of {2 * count} rows of x and y of "
+                            f"{count} keypoints, expected coordinates: another decoder, or none")
     return Details(classes, count, values, 2 if values == 3 else 0)
 
 
@@ -136,6 +148,8 @@ def seg_fault(e, arguments):
 def obb(e, arguments):
     if len(e.shape) != 3 or len(e.outs) != 1 or e.shape[1] < 6:
         wrong("yolov8_obb", e, "one of [1, 4 + classes + 1, boxes]")
+    if rows_of(e)[0][-1:].any():
+        raise ImportProblem("--decoder yolov8_obb: found scores from LOGISTIC in the last row, expected the angle of each box: another decoder, or none")
     return Details(int(e.shape[1]) - 5)
 
 

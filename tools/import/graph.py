@@ -19,6 +19,7 @@ TYPE_NAMES = {v: k for k, v in vars(tflite.TensorType).items() if isinstance(v, 
 DTYPES = {"UINT8": np.uint8, "INT8": np.int8, "INT32": np.int32, "INT64": np.int64, "FLOAT32": np.float32,
           "BOOL": np.uint8, "INT16": np.int16}
 STATES_MAX = 16  # of a model file
+REFUSAL_MAX = 200  # characters
 
 # What numbers that fit nothing end in, wherever they are first used.
 FAULTS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error)

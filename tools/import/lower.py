@@ -3,11 +3,10 @@ import numpy as np
 
 import quant
 from fold import Folder
-from graph import FAULTS, ImportProblem
+from graph import FAULTS, ImportProblem, REFUSAL_MAX
 from layout import ARENA_SLACK, TYPE_BYTES
 from net import Net
 
-REFUSAL_MAX = 200
 UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "GELU", "ABS", "NEG", "SQRT", "RSQRT", "ELU", "TABLE")
 
 

@@ -1,4 +1,5 @@
-"""A decoder that was chosen is tried: the network runs on drawn pictures, and its outputs must look as that decoder's do."""
+"""A decoder is tried: the network runs on drawn pictures, and its outputs must look as that decoder's do. Where it was chosen here, they must
+look so in all; where the user named it, they must only not be what it never gives."""
 import subprocess
 
 import numpy as np
@@ -59,7 +60,12 @@ def agreement(a, b):
     return float(np.mean(a * b) / spread) if spread > 1e-9 else 0.0
 
 
-def boxes_look_wrong(values, h, w, per_cell, normalised):
+def scores_look_wrong(scores):
+    low, high = scores.min(), scores.max()
+    return None if low > -0.02 and high < 1.02 else f"scores from {low:.3g} to {high:.3g}"
+
+
+def boxes_look_wrong(values, h, w, per_cell, normalised, chosen):
     """`values` [n][4 + scores]."""
     size = 1.0 if normalised else np.array([w, h, w, h])
     box, n = values[:, :4] / size, len(values)
@@ -67,6 +73,8 @@ def boxes_look_wrong(values, h, w, per_cell, normalised):
         return "sizes of boxes below 0 or above twice the picture"
     if np.mean((box[:, :2] > -0.25) & (box[:, :2] < 1.25)) < 0.98:
         return "boxes far outside the picture"
+    if scores_look_wrong(values[:, 4:]) or not chosen:
+        return scores_look_wrong(values[:, 4:])
     cells = centres(h, w, n, per_cell)
     if cells is not None and min(agreement(box[:, i], cells[:, i]) for i in (0, 1)) < 0.6:
         return "boxes that do not lie near their cells"
@@ -82,58 +90,79 @@ def points_look_wrong(points, size):
     return "keypoints far outside the picture" if np.mean(inside) < 0.9 else None
 
 
-def details_look_wrong(kind, outs, image, normalised, known, smooth):
+def poses_look_wrong(points, size, h, w):
+    """Keypoints of the boxes of cells, `points` [n][count][2 and more]: around their cells, whatever the picture."""
+    cells = centres(h, w, len(points), 1)
+    middle = points[..., :2].mean(1) / size
+    if cells is not None and min(agreement(middle[:, i], cells[:, i]) for i in (0, 1)) < 0.3:
+        return "keypoints that do not lie around their cells"
+    return points_look_wrong(points[..., :2], size) or (scores_look_wrong(points[..., 2]) if points.shape[-1] == 3 else None)
+
+
+def angles_look_wrong(angles):
+    """From a quarter of a turn to the left to three to the right; what is never below 0 and nearly always 0 is another score."""
+    if np.abs(angles).max() > 7:
+        return "angles beyond a turn"
+    return "a last row that is 0 nearly everywhere, as scores are, and no angle" if angles.min() >= 0 and np.mean(angles < 0.02) > 0.8 else None
+
+
+def cells_look_wrong(rows, h, w, chosen):
+    """Of YOLOX, before the cells are added."""
+    at = [(s, h // s, w // s) for s in (8, 16, 32, 64)]
+    cells = np.concatenate([np.stack([x.ravel(), y.ravel(), 0 * x.ravel() + s], 1)
+                            for s, h, w in at for y, x in [np.mgrid[0:h, 0:w]]])[:len(rows)]
+    if chosen and min(agreement(rows[:, i], (cells[:, i] + 0.5) * cells[:, 2]) for i in (0, 1)) > 0.6:
+        return "centres that grow with their cells, so boxes that are already decoded"
+    if np.mean(np.abs(rows[:, 2:4]) > 6) > 0.02:
+        return "numbers that are no logarithms of sizes in cells"
+    boxes = np.concatenate([(rows[:, :2] + cells[:, :2]) * cells[:, 2:], np.exp(np.clip(rows[:, 2:4], -9, 9)) * cells[:, 2:],
+                            rows[:, 4:5] * rows[:, 5:]], 1)
+    return boxes_look_wrong(boxes, h, w, 1, False, chosen)
+
+
+def details_look_wrong(kind, outs, image, normalised, known, chosen, smooth):
     """The same for decoders with details, of all outputs in the order of their roles."""
     size = np.array([1.0, 1.0] if normalised else [image[2], image[1]])
-    first = outs[0]
+    first, (h, w) = outs[0], image[1:3]
     if kind == "yolov8_pose":
         values = first[0].T
-        points = values[:, 4 + known.classes:].reshape(len(values), known.points, known.values)[..., :2]
-        return boxes_look_wrong(values[:, :4 + known.classes], image[1], image[2], 1, normalised) or points_look_wrong(points, size)
+        points = values[:, 4 + known.classes:].reshape(len(values), known.points, known.values)
+        return boxes_look_wrong(values[:, :4 + known.classes], h, w, 1, normalised, chosen) or poses_look_wrong(points, size, h, w)
     if kind == "yolov8_obb":
-        return boxes_look_wrong(first[0].T[:, :-1], image[1], image[2], 1, normalised) or \
-            (None if np.abs(first[0, -1]).max() < 7 else "angles beyond a turn")
+        return boxes_look_wrong(first[0].T[:, :-1], h, w, 1, normalised, chosen) or angles_look_wrong(first[0, -1])
+    if kind == "yolov8_seg":
+        return boxes_look_wrong(first[0].T[:, :4 + known.classes], h, w, 1, normalised, chosen)
     if kind == "yolox":
-        rows = first[0]
-        at = [(s, image[1] // s, image[2] // s) for s in (8, 16, 32, 64)]
-        cells = np.concatenate([np.stack([x.ravel(), y.ravel(), 0 * x.ravel() + s], 1)
-                                for s, h, w in at for y, x in [np.mgrid[0:h, 0:w]]])[:len(rows)]
-        if min(agreement(rows[:, i], (cells[:, i] + 0.5) * cells[:, 2]) for i in (0, 1)) > 0.6:
-            return "centres that grow with their cells, so boxes that are already decoded"
-        if np.mean(np.abs(rows[:, 2:4]) > 6) > 0.02:
-            return "numbers that are no logarithms of sizes in cells"
-        boxes = np.concatenate([(rows[:, :2] + cells[:, :2]) * cells[:, 2:], np.exp(np.clip(rows[:, 2:4], -9, 9)) * cells[:, 2:],
-                                rows[:, 4:5] * rows[:, 5:]], 1)
-        return boxes_look_wrong(boxes, image[1], image[2], 1, False)
+        return cells_look_wrong(first[0], h, w, chosen)
     if kind == "movenet":
         values = first.reshape(-1, 3) if first.shape[-1] == 3 else first.reshape(-1, first.shape[-1])[:, :-5].reshape(-1, 3)
-        scores = values[:, 2]
-        return points_look_wrong(values[:, :2], 1.0) or (None if scores.min() > -0.02 and scores.max() < 1.02 else "scores beyond 0 to 1")
+        return points_look_wrong(values[:, :2], 1.0) or scores_look_wrong(values[:, 2])
     if kind == "blaze":
         scores = outs[1] if not known.logits else 1 / (1 + np.exp(-np.clip(outs[1], -80, 80)))
-        if np.mean(scores > 0.5) > 0.2:
+        if chosen and np.mean(scores > 0.5) > 0.2:
             return f"{100 * np.mean(scores > 0.5):.0f} % of all boxes above a score of 0.5"
         return points_look_wrong(first[0, :, :2] + known.anchors[:, 1::-1] * size, size)
     if kind == "landmarks":
         return points_look_wrong(first.reshape(known.points, known.values)[:, :2], size)
-    if kind == "segment" and smooth and segment.scatter(first) > 0.5:
+    if kind == "segment" and smooth and chosen and segment.scatter(first) > 0.5:
         return f"another class in {100 * segment.scatter(first):.0f} % of all neighbours"
     if kind == "end2end":
         rows = first[0]
-        if (np.diff(rows[:, 4]) > 0.02).any() or rows[:, 4].min() < -0.02 or rows[:, 4].max() > 1.02:
+        if chosen and (np.diff(rows[:, 4]) > 0.02).any():
             return "scores that do not fall from row to row"
+        return scores_look_wrong(rows[:, 4])
     return None
 
 
-def looks_wrong(kind, values, image, normalised):
+def looks_wrong(kind, values, image, normalised, chosen):
     """What is wrong with the first output on a picture, None: nothing."""
-    if values.min() < -0.02 and kind in ("classifier", "fomo") or values.max() > 1.02 and kind in ("classifier", "fomo"):
-        return f"scores from {values.min():.3g} to {values.max():.3g}"
-    if kind == "fomo" and np.mean(values[..., 0] > 0.5) < 0.4:
+    if kind in ("classifier", "fomo") and scores_look_wrong(values):
+        return scores_look_wrong(values)
+    if kind == "fomo" and chosen and np.mean(values[..., 0] > 0.5) < 0.4:
         return f"background in {100 * np.mean(values[..., 0] > 0.5):.0f} % of all cells"
     if kind in ("yolov5", "yolov8"):
         values = values[0].T if kind == "yolov8" else values[0]
-        return boxes_look_wrong(values, image[1], image[2], 3 if kind == "yolov5" else 1, normalised)
+        return boxes_look_wrong(values, image[1], image[2], 3 if kind == "yolov5" else 1, normalised, chosen)
     return None
 
 
@@ -154,7 +183,7 @@ def by_role(outs, known):
     return [outs[i] for i in places if i < len(outs)]
 
 
-def run(data, graph, kind, mean, scale, normalised, known):
+def run(data, graph, kind, mean, scale, normalised, known, chosen):
     """True: tried. False: the engine was not built. Raises ImportProblem when a picture's outputs do not look right."""
     source = next(graph.tensors[t] for t in graph.inputs if graph.tensors[t].data is None)
     if kind in ("ssd", "ssd_raw", "none", "embedding") or len(source.shape) != 4 or source.shape[3] not in (1, 3):
@@ -166,9 +195,11 @@ def run(data, graph, kind, mean, scale, normalised, known):
         tried.set_input(0, as_input(source, picture, mean, scale))
         tried.run()
         outs = [real(graph.tensors[t], tried.tensor(i)) for t, i in zip(graph.outputs, tried.outputs)]
-        fault = looks_wrong(kind, outs[0], source.shape, normalised) if known is None else \
-            details_look_wrong(kind, by_role(outs, known), source.shape, normalised, known, number == 0)
-        if fault:
+        fault = looks_wrong(kind, outs[0], source.shape, normalised, chosen) if known is None else \
+            details_look_wrong(kind, by_role(outs, known), source.shape, normalised, known, chosen, number == 0)
+        if fault and chosen:
             raise ImportProblem(f"as {kind} its outputs on drawn picture {number} have {fault}: "
                                 f"expected --decoder none for the raw outputs, or --decoder {kind} if it is that")
+        if fault:
+            raise ImportProblem(f"--decoder {kind}: its outputs on drawn picture {number} have {fault}: expected another decoder, or none")
     return True

@@ -144,7 +144,7 @@ def classes_of(kind, graph, pairs):
 
 
 def describe(path, graph, net, arguments):
-    """Labels, preprocessing and decoder for the file; and what a trial of the decoder needs, None where the user named it."""
+    """Labels, preprocessing and decoder for the file; and what a trial of the decoder needs."""
     if arguments is None:
         arguments = argparse.ArgumentParser()
         add_arguments(arguments)
@@ -169,7 +169,7 @@ def describe(path, graph, net, arguments):
     channels = shape[3] if shape[3] in (1, 3) else 0
     preprocess = [int(fit == "letterbox"), shape[2], shape[1], channels, ORDERS[order], *[bits(mean)] * 3,
                   *[bits(scale)] * 3, 114]
-    trial = (kind, mean, scale, is_share(kind, graph, known), known) if is_chosen else None
+    trial = (kind, mean, scale, is_share(kind, graph, known), known, is_chosen)
     return (labels, preprocess, decoder_words(kind, graph, net, labels, arguments, known)), trial
 
 
