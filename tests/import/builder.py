@@ -4,12 +4,14 @@ import numpy as np
 import tflite
 
 TYPES = {"uint8": tflite.TensorType.UINT8, "int8": tflite.TensorType.INT8, "int32": tflite.TensorType.INT32,
-         "int64": tflite.TensorType.INT64, "float32": tflite.TensorType.FLOAT32}
+         "int64": tflite.TensorType.INT64, "float32": tflite.TensorType.FLOAT32,
+         "float16": tflite.TensorType.FLOAT16}
 
 
 class Builder:
     def __init__(self):
         self.tensors, self.ops, self.codes = [], [], []
+        self.subgraphs = 1  # all the same
         self.signatures = {}  # tensor: shape with -1 where the file leaves it open and writes 1
 
     def tensor(self, dtype, shape, scale=None, zero=0, data=None, axis=0):
@@ -129,7 +131,7 @@ class Builder:
         tflite.SubGraphAddOperators(b, o)
         tflite.SubGraphAddInputs(b, i)
         tflite.SubGraphAddOutputs(b, u)
-        subgraphs = offsets([tflite.SubGraphEnd(b)])
+        subgraphs = offsets([tflite.SubGraphEnd(b)] * self.subgraphs)
         c, f = offsets(code_offsets), offsets(buffer_offsets)
         tflite.ModelStart(b)
         tflite.ModelAddVersion(b, 3)

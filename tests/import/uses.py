@@ -287,6 +287,44 @@ def refusals(bench):
                 (2, 1, 1, 1, 1))
 
 
+def rests(bench):
+    """Refusals name the operator, and say what to export instead."""
+    def one(name, kind, shape, options=None, before=False, other=None, keys=None, **fields):
+        b = Builder()
+        x = b.tensor("int8", shape, 0.1, 0) if before else b.tensor(kind, shape, **(keys or {}))
+        y = b.tensor(kind, shape, **(keys or {})) if before else x
+        if before:
+            b.op("DEQUANTIZE", [x], [y], "Dequantize")
+        b.op(name, [y] + ([] if other is None else [b.const(kind, other, **(keys or {}))]), [b.tensor(kind, shape, **(keys or {}))], options, **fields)
+        return b, x
+    for name, options, other in (("MUL", "Mul", [[2.0]]), ("ADD", "Add", [[2.0]]), ("LOGISTIC", None, None)):
+        for before, remedy in ((False, "or let --quantise do it on pictures"), (True, "or end before it: --outputs NAME")):
+            b, x = one(name, "float32", (1, 8), options, before, other)
+            bench.refused(f"{name} of real numbers", b.bytes([x], [len(b.tensors) - 1]), f"operator {int(before)} {name}: found float32, expected int8 or uint8 "
+                          f"throughout: export full integer quantisation, {remedy}")
+    b, x = one("MUL", "float32", (1, 8), "Mul", other=[[2.0]])
+    b.const("int8", np.ones((4, 4)), scale=0.1)
+    bench.refused("beside weights of 8 bits", b.bytes([x], [2]), "full integer quantisation, with a representative data set")
+    b, x = one("LOGISTIC", "float16", (1, 8))
+    bench.refused("numbers of half precision", b.bytes([x], [1]), "operator 0 LOGISTIC: found float16 in tensor 0 't0', expected int8 or uint8: export full")
+    eight = {"scale": 0.1}
+    b, x = one("ABS", "int8", (1, 1, 2, 2, 2, 2, 2, 2), keys=eight)
+    bench.refused("tensors of eight axes", b.bytes([x], [1]), "operator 0 ABS: tensor 0 't0' has shape [1, 1, 2, 2, 2, 2, 2, 2], expected at most 6 axes, none "
+                  "empty: export without it, or end before it: --outputs NAME")
+    b, x = one("WHILE", "int8", (1, 8), "While", keys=eight, CondSubgraphIndex=1, BodySubgraphIndex=2)
+    b.subgraphs = 3
+    bench.refused("a loop", b.bytes([x], [1]), "operator 0 WHILE: runs another of 3 subgraphs, expected 1: export with the loop unrolled")
+    b, x = one("ABS", "int8", (1, 8), keys=eight)
+    b.subgraphs = 2
+    bench.refused("two signatures", b.bytes([x], [1]), "2 subgraphs, expected 1: export a single signature")
+    b = Builder()
+    x, y = b.tensor("int8", (1, 8, 8, 8), 0.1, 0), b.tensor("int8", (1, 8, 8, 300), 0.1, 0)
+    b.op("GATHER", [x, b.const("int32", np.arange(300) * 5 % 8)], [y], "Gather", Axis=3)
+    line = bench.run(b.bytes([x], [y]))[1]
+    bench.holds("what of an operator is not supported is said in 200 letters", ("GATHER: not supported (300 runs" in line, "--outputs NAME" in line,
+                                                                            len(line.strip().split(": ", 1)[1]) <= 200), (1, 1, 1))
+
+
 def beyond(bench):
     """What the engine refuses to load is refused in a line, also where a decoder was to be tried on it."""
     b = Builder()
@@ -521,7 +559,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, heads, planes, states, outputs, refusals, beyond, ranges, thresholds, labels, anchors, unread, loaded, units, cuts, archived, files, damaged):
+        for test in (guesses, heads, planes, states, outputs, refusals, rests, beyond, ranges, thresholds, labels, anchors, unread, loaded, units, cuts, archived, files, damaged):
             test(bench)
     return 1 if bench.wrong else 0
 

@@ -131,13 +131,16 @@ def _bytes_of(buffer):
     return bytes(buffer._tab.Bytes[at:at + buffer.Size()]) if at > 1 else b""
 
 
-def _tensor(model, index, t):
+def _tensor(model, index, t, user):
+    """`user`: an operator that reads or writes it, None: there is none."""
     kind = TYPE_NAMES[t.Type()]
     name = t.Name().decode("utf-8", "replace") if t.Name() else ""
     if kind not in DTYPES:
         asked = "export full integer quantisation, or let --quantise do it on pictures" if kind in ("FLOAT16", "BFLOAT16") else \
-            "no operator here can hold others"
-        raise ImportProblem(f"tensor {index} {name[:40]!r}: found {kind.lower()}, expected int8 or uint8: {asked}")
+            "no operator here can hold others: export without it"
+        where = f"in tensor {index} {name[:40]!r}"
+        raise ImportProblem(f"operator {user.index} {user.name[:40]}: found {kind.lower()} {where}, expected int8 or uint8: {asked}" if user else
+                            f"found {kind.lower()} {where}, expected int8 or uint8: {asked}")
     q = t.Quantization()
     scale = np.zeros(0, np.float32)
     zero = np.zeros(0, np.int64)
@@ -221,11 +224,7 @@ def read(path):
         raise ImportProblem(f"{len(raw)} bytes that are not a whole .tflite file: {problem}") from problem
 
 
-def _parse(model):
-    if model.SubgraphsLength() != 1:
-        raise ImportProblem(f"{model.SubgraphsLength()} subgraphs, expected 1")
-    g = model.Subgraphs(0)
-    tensors = [_tensor(model, i, g.Tensors(i)) for i in range(g.TensorsLength())]
+def _operators(model, g):
     ops = []
     for i in range(g.OperatorsLength()):
         op = g.Operators(i)
@@ -237,6 +236,29 @@ def _parse(model):
         ops.append(Op(i, name, number, [int(v) for v in op.InputsAsNumpy()],
                       [int(v) for v in op.OutputsAsNumpy()], _options(op),
                       _custom(op) if number == tflite.BuiltinOperator.CUSTOM else {}))
+    return ops
+
+
+CALLS = {"IF": "export the branch that is taken", "WHILE": "export with the loop unrolled", "CALL_ONCE": "export with each variable as an input and "
+         "an output, for --state IN=OUT", "CALL": "export one function"}
+
+
+def single(model):
+    """The operators of the only subgraph; one that runs another is named."""
+    if model.SubgraphsLength() < 1:
+        raise ImportProblem("0 subgraphs, expected 1")
+    ops = _operators(model, model.Subgraphs(0))
+    if model.SubgraphsLength() == 1:
+        return ops
+    caller = next((op for op in ops if op.name in CALLS), None)
+    raise ImportProblem(f"operator {caller.index} {caller.name}: runs another of {model.SubgraphsLength()} subgraphs, expected 1: {CALLS[caller.name]}"
+                        if caller else f"{model.SubgraphsLength()} subgraphs, expected 1: export a single signature")
+
+
+def _parse(model):
+    ops, g = single(model), model.Subgraphs(0)
+    users = {t: op for op in reversed(ops) for t in [*op.outputs, *op.inputs]}
+    tensors = [_tensor(model, i, g.Tensors(i), users.get(i)) for i in range(g.TensorsLength())]
     metadata = {}
     for i in range(model.MetadataLength()):
         entry = model.Metadata(i)

@@ -10,6 +10,10 @@ from net import Net
 UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH", "EXP", "LOG", "GELU", "ABS", "NEG", "SQRT", "RSQRT", "ELU", "TABLE")
 
 
+REAL = ("FLOAT32", "INT16")
+REMEDY = ": export without it, or end before it: --outputs NAME"
+
+
 def shortened(text, most=REFUSAL_MAX):
     return text if len(text) <= most else text[:most - 3] + "..."
 
@@ -20,6 +24,7 @@ class Lowering:
     def __init__(self, graph, fold=True):
         self.g = graph
         self.net = Net()
+        self.known = set()       # names of the operators that there are
         self.folder = Folder(graph)
         self.fold = fold
         self.val = {}            # tensor -> value
@@ -117,8 +122,9 @@ class Lowering:
         table = {}
         for module in (lower_conv, lower_data, lower_math):
             table.update(module.OPERATORS)
+        self.known = {*table, *UNARY}
         self.refuse_real()
-        missing = sorted({op.name for op in self.g.ops if op.name not in table and op.name not in UNARY})
+        missing = sorted({op.name for op in self.g.ops if op.name not in self.known})
         if missing:
             first = next(op for op in self.g.ops if op.name in missing)
             others = [name for name in missing if name != first.name]
@@ -126,7 +132,7 @@ class Lowering:
             raise ImportProblem(self.describe_missing(first, beside))
         for t in self.g.inputs:
             if self.tensor(t).data is None:
-                self.net.inputs.append(self.output(t))
+                self.net.inputs.append(self.taken(t))
         self.load_states()
         if self.fold:
             self.plan_concats()
@@ -136,6 +142,8 @@ class Lowering:
             try:
                 with np.errstate(divide="raise", invalid="raise"):
                     table.get(op.name, Lowering.unary)(self, op)
+            except ImportProblem as problem:
+                raise self.explained(op, problem) from problem
             except FAULTS as problem:
                 raise ImportProblem(f"{self.describe(op)}: {self.fault(op, problem)}") from problem
         self.save_states()
@@ -145,6 +153,14 @@ class Lowering:
             self.net.names[self.net.values[self.net.outputs[-1]].source] = self.tensor(t).name
         self.finish_lifetimes()
         return self.net
+
+    def taken(self, t):
+        """The value of an input of the network."""
+        try:
+            return self.output(t)
+        except ImportProblem as problem:
+            reader = next((op for op in self.g.ops if t in op.inputs), None)
+            raise self.explained(reader, problem) if reader else problem from problem
 
     def load_states(self):
         """A state holds values minus their zero point: zeroed memory is the real zero."""
@@ -173,20 +189,43 @@ class Lowering:
                 continue
             tensors = [self.tensor(t) for t in op.inputs if t >= 0]
             data = tensors[2 if op.name == "TRANSPOSE_CONV" else 0]
-            if data.type in ("FLOAT32", "INT16"):
-                kind = "dynamic range quantisation" if any(t.is8 for t in tensors) else data.type.lower()
-                how = "with a representative data set" if kind != "float32" else "or let --quantise do it on pictures"
-                raise ImportProblem(f"operator {op.index} {op.name}: found {kind}, expected int8 or uint8 throughout: export full integer "
-                                    f"quantisation, {how}")
+            if data.type in REAL:
+                raise ImportProblem(self.describe_real(op, "dynamic range quantisation" if any(t.is8 for t in tensors) else data.type.lower()))
+
+    def real(self, op):
+        """The type of real numbers that an operator computes with, None: it does not."""
+        kinds = [self.tensor(t).type for t in [*op.inputs, *op.outputs] if t >= 0 and self.tensor(t).data is None]
+        return next((kind.lower() for kind in kinds if kind in REAL), None)
+
+    def describe_real(self, op, kind):
+        """What is said where an operator would do in 8 bits: how to export it so."""
+        computed = {*self.g.inputs, *(t for other in self.g.ops for t in other.outputs)}
+        if any(self.tensor(t).is8 and self.tensor(t).data is None for t in computed):
+            how = "or end before it: --outputs NAME"
+        elif any(t.is8 for t in self.g.tensors if t.data is not None):
+            how = "with a representative data set"
+        else:
+            how = "or let --quantise do it on pictures"
+        return f"operator {op.index} {op.name[:40]}: found {kind}, expected int8 or uint8 throughout: export full integer quantisation, {how}"
 
     def describe(self, op, what=""):
         def shapes(indices):
             return " ".join(f"{self.tensor(t).type.lower()}{list(self.tensor(t).shape)}" for t in indices if t >= 0)
         return f"operator {op.index} {op.name}{what}; inputs {shapes(op.inputs)}, outputs {shapes(op.outputs)}"
 
-    def describe_missing(self, op, beside=""):
-        remedy = ": export without it, or end before it: --outputs NAME"
-        return shortened(self.describe(op, ": not supported"), REFUSAL_MAX - len(beside + remedy)) + beside + remedy
+    def describe_missing(self, op, beside="", why=""):
+        """`why`: what of it is not supported, where the operator itself is."""
+        if not beside and op.name in self.known and self.real(op):
+            return self.describe_real(op, self.real(op))
+        head = f"operator {op.index} {op.name[:40]}: not supported" + (f" ({why})" if why else "")
+        return shortened(head + self.describe(op).split(op.name, 1)[1], REFUSAL_MAX - len(beside + REMEDY)) + beside + REMEDY
+
+    def explained(self, op, problem):
+        """A line that names the operator and says what to export instead."""
+        text = str(problem)
+        head = "" if text.startswith("operator ") else f"operator {op.index} {op.name[:40]}: "
+        remedy = "" if "export" in text or "--" in text else REMEDY
+        return ImportProblem(shortened(head + text, REFUSAL_MAX - len(remedy)) + remedy)
 
     def fault(self, op, problem):
         """Why an operator's numbers cannot be worked with."""

@@ -142,7 +142,7 @@ def gather(low, op):
     axis = (op.options.Axis() if op.options else 0) % len(v.shape)
     runs = [i for i in range(len(indices)) if i == 0 or indices[i] != indices[i - 1] + 1]
     if len(runs) > GATHER_MAX or (op.options and op.options.BatchDims()) or not 0 <= min(indices) <= max(indices) < v.shape[axis]:
-        raise ImportProblem(low.describe_missing(op) + f" ({len(runs)} runs of indices, at most {GATHER_MAX} work)")
+        raise ImportProblem(low.describe_missing(op, why=f"{len(runs)} runs of indices, at most {GATHER_MAX} work"))
     out = low.output(op.outputs[0])
     src = value_strides(v)
     dst = dense_strides((*v.shape[:axis], len(indices), *v.shape[axis + 1:]), TYPE_BYTES[v.type])
@@ -162,12 +162,12 @@ def gather_nd(low, op):
         raise ImportProblem(low.describe_missing(op))
     rows = np.asarray(places.data, np.int64).reshape(-1, depth)
     if (rows < 0).any() or (rows >= v.shape[:depth]).any():
-        raise ImportProblem(low.describe_missing(op) + " (a place outside its input)")
+        raise ImportProblem(low.describe_missing(op, why="a place outside its input"))
     flat = np.ravel_multi_index(rows.T, v.shape[:depth]).tolist() if len(rows) else []
     size, width = int(np.prod(v.shape[depth:], dtype=np.int64)), TYPE_BYTES[v.type]
     runs = [i for i in range(len(flat)) if i == 0 or flat[i] != flat[i - 1] + 1]
     if not flat or len(runs) > GATHER_MAX:
-        raise ImportProblem(low.describe_missing(op) + f" ({len(runs)} runs of places, at most {GATHER_MAX} work)")
+        raise ImportProblem(low.describe_missing(op, why=f"{len(runs)} runs of places, at most {GATHER_MAX} work"))
     out = low.output(op.outputs[0])
     for at, end in zip(runs, runs[1:] + [len(flat)]):
         emit_strided(low, op, source, out, ((end - at) * size,), (width,), (width,), src_first=flat[at] * size * width,
@@ -277,7 +277,7 @@ def pad_value(low, op, vo):
 def space_to_batch(low, op):
     """Only as the first part of a dilated convolution: see dilate.py."""
     if "margins" not in op.custom:
-        raise ImportProblem(low.describe_missing(op) + " (not around a convolution)")
+        raise ImportProblem(low.describe_missing(op, why="not around a convolution"))
     low.val[op.outputs[0]] = low.input(op.inputs[0])
     low.pads[op.outputs[0]] = op.custom["margins"]
 

@@ -37,7 +37,7 @@ def binary(low, op):
         return
     ta, tb, to = low.tensor(a), low.tensor(b), low.tensor(t_out)
     if is_refused(op, ta):
-        raise ImportProblem(low.describe_missing(op) + " (of uint8 alone)")
+        raise ImportProblem(low.describe_missing(op, why="of uint8 alone"))
     p = binary_params(op.name, ta, tb, to, activation_of(op))
     emit_binary(low, op, p, quant.div_table(p) if op.name == "DIV" else None)
 
@@ -156,7 +156,7 @@ def emit_binary(low, op, p, pairs):
         emit_elements(low, op, out, after, slopes)
         return
     if pairs is not None and after.shape[1] > 256:
-        raise ImportProblem(f"{low.describe(op)}: found {np.max(low.tensor(b).data) + 1} different slopes that no product of float32 equals, expected at most 256 of these")
+        raise ImportProblem(low.describe_missing(op, why=f"{np.max(low.tensor(b).data) + 1} different slopes that no product of float32 equals, at most 256 work"))
     table = 0 if after is None else net.blob(after)
     q = {f"dim{i}": d[i] for i in range(6)}
     q.update({f"a{i}": sa[i] for i in range(6)})
@@ -226,7 +226,7 @@ def reduce(low, op):
             part = next(d for d in range(REDUCE_ROW, 0, -1) if n % d == 0)
             merged += [(n // part, part * s), (part, s)] if part >= 16 else [(n, s)]
         if len(merged) > 4:
-            raise ImportProblem(low.describe_missing(op) + " (more than 4 separate axes)")
+            raise ImportProblem(low.describe_missing(op, why="more than 4 separate axes"))
         merged = [(1, 0)] * (4 - len(merged)) + merged
         for i, (n, s) in enumerate(merged):
             p[f"{name}{i}"], p[f"{stride_name}{i}"] = n, s
@@ -333,7 +333,7 @@ def softmax(low, op):
     depth = ti.shape[-1]
     outer = ti.size // depth
     if depth > SOFTMAX_DEPTH:
-        raise ImportProblem(f"{low.describe_missing(op)} (over more than {SOFTMAX_DEPTH} values)")
+        raise ImportProblem(low.describe_missing(op, why=f"over more than {SOFTMAX_DEPTH} values"))
     exps = quant.softmax_table(op.options.Beta(), ti.scale0)
     low.net.step("SOFTMAX", op, [source], [out], dict(outer=outer, depth=depth, table=low.net.blob(exps)), outer,
                  cost=ti.size * 12 + outer * 330)
@@ -346,7 +346,7 @@ def normalise(low, op):
     ti, to = low.tensor(t_in), low.tensor(t_out)
     depth = ti.shape[-1]
     if to.scale0 != f32(1 / 128) or to.zero_u8 != 128 or activation_of(op) or depth > NORMALISE_DEPTH:
-        raise ImportProblem(low.describe_missing(op) + f" (of at most {NORMALISE_DEPTH} values, in 1/128, no activation)")
+        raise ImportProblem(low.describe_missing(op, why=f"of at most {NORMALISE_DEPTH} values, in 1/128, no activation"))
     source = low.dense_input(t_in)
     out = low.output(t_out)
     outer = ti.size // depth
@@ -395,7 +395,7 @@ def batch_matmul(low, op):
         else:
             merged.append(axis)
     if len(merged) > 2:
-        raise ImportProblem(low.describe_missing(op) + " (more than 2 separate batch axes)")
+        raise ImportProblem(low.describe_missing(op, why="more than 2 separate batch axes"))
     merged = [(1, 0, 0)] * (2 - len(merged)) + merged
     b_row, b_col = (1, tb.shape[-1]) if op.options.AdjY() else (tb.shape[-1], 1)
     p = dict(batch0=merged[0][0], batch1=merged[1][0], a_batch0=merged[0][1], a_batch1=merged[1][1],

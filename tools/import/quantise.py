@@ -10,11 +10,13 @@ import zipfile
 from typing import NamedTuple
 
 import numpy as np
+import tflite
 
 import choose
 import custom
 import dense
 import details
+import graph as graph_module
 import planes
 from graph import ImportProblem
 
@@ -95,8 +97,7 @@ def prepared(raw):
     from ai_edge_litert.tools import flatbuffer_utils
     schema = flatbuffer_utils.schema_fb
     model = flatbuffer_utils.read_model_from_bytearray(bytearray(raw))
-    if len(model.subgraphs) != 1:
-        raise ImportProblem(f"{len(model.subgraphs)} subgraphs, expected 1")
+    graph_module.single(tflite.Model.GetRootAs(raw, 0))
     graph = model.subgraphs[0]
     if len(graph.inputs) != 1:
         raise ImportProblem(f"--quantise: found {len(graph.inputs)} inputs, expected one, which is a picture")
