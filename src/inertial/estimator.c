@@ -30,7 +30,7 @@ static const double shake_left = 0.25; /* of the noise of a sample */
 static const double scale_least = 1e-3;
 static const double wrong_sigmas = 6; /* length of three errors */
 /* Of biases before anything is known, rad/s and m/s^2. */
-static const double bias_sigma_begin[2] = {0.1, 0.3};
+static const double bias_sigma_begin[2] = {FV_INERTIAL_GYRO_BIAS_SIGMA, 0.3};
 
 void fv_inertial_carve(struct fv_inertial *inertial, const struct fv_inertial_config *config,
                        struct fv_arena *persistent)
@@ -82,6 +82,7 @@ void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, doub
     s->first = s->count = 0;
     s->phase = FV_INERTIAL_IDLE;
     s->gone_log_scale = 0;
+    memset(s->gone_down, 0, sizeof s->gone_down);
     s->gone = 0;
     s->waiting = s->handed = 0;
     s->prior.known = s->estimate.known = false;
@@ -215,9 +216,11 @@ void fv_inertial_jump(struct fv_inertial *inertial)
 static void drop_oldest(struct fv_inertial *inertial)
 {
     struct fv_inertial_state *s = inertial->state;
-    const double scale = fv_inertial_station_at(inertial, 0)->now.scale;
-    if (s->estimate.known && scale > 0) {
-        s->gone_log_scale += fv_log(scale);
+    const struct fv_inertial_own *own = &fv_inertial_station_at(inertial, 0)->now;
+    if (s->estimate.known && own->scale > 0) {
+        s->gone_log_scale += fv_log(own->scale);
+        for (int i = 0; i < 3; i++)
+            s->gone_down[i] += own->down[i];
         s->gone++;
     }
     s->first = (s->first + 1) % FV_INERTIAL_STATIONS_MAX;
@@ -508,6 +511,26 @@ static void correct_sigmas(struct fv_inertial *inertial)
     }
 }
 
+/* Of the whole way. */
+static void write_means(const struct fv_inertial *inertial, struct fv_inertial_estimate *e)
+{
+    const struct fv_inertial_state *s = inertial->state;
+    const double count = (double)(s->gone + s->taking_part);
+    e->log_scale = s->gone_log_scale;
+    fv_copy3(s->gone_down, e->mean_down);
+    for (uint32_t i = 0; i < s->taking_part; i++) {
+        const struct fv_inertial_own *own = &fv_inertial_station_at(inertial, i)->now;
+        e->log_scale += fv_log(own->scale);
+        for (int k = 0; k < 3; k++)
+            e->mean_down[k] += own->down[k];
+    }
+    e->log_scale /= count;
+    /* Unit vectors that differ by small angles have a mean shorter by half their mean square. */
+    e->down_variance = 1 - fv_norm3(e->mean_down) / count;
+    if (!(e->down_variance > 0)) e->down_variance = 0;
+    (void)fv_normalise3(e->mean_down);
+}
+
 static void finish(struct fv_inertial *inertial)
 {
     struct fv_inertial_state *s = inertial->state;
@@ -526,10 +549,7 @@ static void finish(struct fv_inertial *inertial)
     e->stations = s->taking_part;
     e->scale_sigma = __builtin_sqrt(C[scale]) / e->own.scale;
     e->gravity_sigma = __builtin_sqrt((C[down] + C[down + FV_INERTIAL_TAIL + 1]) / 2);
-    e->log_scale = s->gone_log_scale;
-    for (uint32_t i = 0; i < s->taking_part; i++)
-        e->log_scale += fv_log(fv_inertial_station_at(inertial, i)->now.scale);
-    e->log_scale /= (double)(s->gone + s->taking_part);
+    write_means(inertial, e);
     e->known = true;
     correct_sigmas(inertial);
     s->phase = FV_INERTIAL_IDLE;

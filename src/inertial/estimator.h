@@ -71,6 +71,9 @@ enum {
     FV_INERTIAL_PAIR = 2 * FV_INERTIAL_OWN + FV_INERTIAL_SHARED
 };
 
+/* Of the gyro's bias before anything is known, rad/s. */
+#define FV_INERTIAL_GYRO_BIAS_SIGMA 0.1
+
 struct fv_inertial_config {
     struct fv_se3 T_cam_imu;
     struct fv_imu_noise noise; /* squared densities: the least that is believed */
@@ -159,7 +162,10 @@ struct fv_inertial_estimate {
     double log_scale; /* natural, of the whole way: the mean of all stations since the restart, but
                          for those before a cut */
     double gravity_sigma; /* rad, of an axis */
-    double misfit;        /* squared errors over what they should be */
+    /* Gravity in the mean of the same stations, a unit vector, and the variance of an axis of
+     * theirs about it, rad^2: `world` is no more upright than that. */
+    double mean_down[3], down_variance;
+    double misfit; /* squared errors over what they should be */
 };
 
 enum fv_inertial_phase {
@@ -191,8 +197,9 @@ struct fv_inertial_state {
     double metric_sigma;       /* of a unit that is the metre, relative; 0: of any length */
     struct fv_imu_noise noise; /* that is believed now, squared densities */
     struct fv_imu_shake shake;
-    double gone_log_scale;    /* sum over the stations that have left the window, */
-    uint64_t gone;            /* and their number */
+    /* Sums over the stations that have left the window, and their number. */
+    double gone_log_scale, gone_down[3];
+    uint64_t gone;
     uint64_t cuts, overflows; /* links cut, and by too many samples */
     int64_t last_sample_ns;
     bool any_sample;
@@ -215,6 +222,12 @@ void fv_inertial_init(struct fv_inertial *inertial);
  * per second. Its axes tilt by `tilt_drift`: squared, rad of an axis, per second. */
 void fv_inertial_restart(struct fv_inertial *inertial, double metric_sigma, double scale_drift,
                          double tilt_drift);
+
+/* Whether an estimate before the last restart left biases (gyro_bias and those after it). */
+static inline bool fv_inertial_biases_kept(const struct fv_inertial *inertial)
+{
+    return inertial->state->bias_sigma[0] < FV_INERTIAL_GYRO_BIAS_SIGMA;
+}
 
 /* A sample by the camera's clock; one that is not after the last is left out. */
 void fv_inertial_take(struct fv_inertial *inertial, int64_t stamp_ns, const double gyro[3],

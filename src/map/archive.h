@@ -11,9 +11,16 @@
  *                sees stands
  *     edges      of closures, 16 bytes each
  *     scales     of maps whose unit is known in metres, FV_ARCHIVE_SCALE_BYTES each
- *     grid       in versions 5 and 6, which are 3 and 4 with it: what was known of the floor,
- *                FV_ARCHIVE_GRID_BYTES and a byte for each cell
+ *     gravities  in versions 7 to 10, which are 3 to 6 with it: of maps in which gravity's
+ *                direction is known, FV_ARCHIVE_GRAVITY_BYTES each
+ *     grid       in versions 5, 6, 9 and 10: what was known of the floor, FV_ARCHIVE_GRID_BYTES
+ *                and a byte for each cell
  *     checksum   8 bytes, FNV-1a of all before
+ *
+ * The version is the least that has what the map has, so that a map without gravity is read by
+ * programs that know of none. A map is metric where it has a scale, and upright where it has
+ * gravity: a scale is metres per unit of the map's points, gravity the unit vector in which things
+ * fall in the map's own axes, and the standard deviation of its direction in rad.
  *
  * Bearings, grids, redundancy and the place index are not stored: they follow from the rest.
  *
@@ -39,9 +46,11 @@ extern "C" {
 
 enum {
     FV_ARCHIVE_VERSION = 3, /* 1 had no scales, 2 features in any order and descriptors twice */
-    FV_ARCHIVE_VERSION_DISTANCES = 4, /* of maps whose features may have measured distances */
-    FV_ARCHIVE_VERSION_GRID = 5,      /* as 3, with a grid; 6: as 4, with a grid */
-    FV_ARCHIVE_VERSION_LAST = 6,
+    FV_ARCHIVE_VERSION_LAST = 10,
+    /* What a file of a version has, by the bits of what it is more than FV_ARCHIVE_VERSION. */
+    FV_ARCHIVE_HAS_DISTANCES = 1, /* its features may have measured distances */
+    FV_ARCHIVE_HAS_GRID = 2,
+    FV_ARCHIVE_HAS_GRAVITY = 4,
     FV_ARCHIVE_HEADER_BYTES = 192,
     FV_ARCHIVE_LANDMARK_BYTES = 64,
     FV_ARCHIVE_OBSERVER_BYTES = 4,
@@ -50,7 +59,8 @@ enum {
     FV_ARCHIVE_DISTANCE_BYTES = 8,
     FV_ARCHIVE_EDGE_BYTES = 16,
     FV_ARCHIVE_SCALE_BYTES = 24,
-    FV_ARCHIVE_SCALES_MAX = FV_MAP_WORLDS_MAX + 1,
+    FV_ARCHIVE_SCALES_MAX = FV_MAP_WORLDS_MAX + 1, /* as many gravities */
+    FV_ARCHIVE_GRAVITY_BYTES = 40,
     FV_ARCHIVE_GRID_BYTES = 120,
     FV_ARCHIVE_GRID_SIDE_MIN = 16,
     FV_ARCHIVE_GRID_SIDE_MAX = 512,
@@ -103,7 +113,7 @@ struct fv_archive_state {
     uint32_t slot, feature; /* next */
     uint32_t generation;    /* of the keyframe in work */
     uint32_t features;      /* that its record promises */
-    uint32_t landmarks, keyframes, edges, scales;
+    uint32_t landmarks, keyframes, edges, scales, gravities;
     uint32_t with_grid, has_grid; /* asked for; written */
 };
 
@@ -135,7 +145,7 @@ void fv_archive_seal(uint8_t *data, size_t bytes);
 struct fv_archive_info {
     uint32_t version;
     struct fovea_camera camera;
-    uint32_t landmarks, keyframes, edges, scales;
+    uint32_t landmarks, keyframes, edges, scales, gravities;
     uint32_t landmark_slots, keyframe_slots, features_max; /* that reading it needs */
     uint32_t map_id, map_next;
     uint64_t keyframe_number, frame_number;
@@ -161,6 +171,12 @@ enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char 
 enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name,
                                   struct fv_map *map, struct fv_archive_info *info,
                                   struct fovea_error *error);
+
+/* ---- between the files of the archive -------------------------------------------------------- */
+
+/* After all records are read: links that both ends agree on are kept, and what follows from them is
+ * made. */
+void fv_archive_mend(struct fv_map *map);
 
 #ifdef __cplusplus
 }

@@ -111,21 +111,17 @@ static void get_bytes(struct reader *r, uint8_t *to, uint32_t bytes)
 
 /* ---- header ---------------------------------------------------------------------------------- */
 
-enum { SIZE_AT = 16, LANDMARKS_AT = 136 };
+enum { SIZE_AT = 16, LANDMARKS_AT = 136, GRAVITIES_AT = 184 };
 
 static bool known_version(uint32_t version)
 {
     return version >= FV_ARCHIVE_VERSION && version <= FV_ARCHIVE_VERSION_LAST;
 }
 
-static bool has_grid(uint32_t version)
+/* `what` is one of FV_ARCHIVE_HAS_*. */
+static bool version_has(uint32_t version, uint32_t what)
 {
-    return version >= FV_ARCHIVE_VERSION_GRID;
-}
-
-static bool has_distances(uint32_t version)
-{
-    return version == FV_ARCHIVE_VERSION_DISTANCES || version == FV_ARCHIVE_VERSION_LAST;
+    return ((version - FV_ARCHIVE_VERSION) & what) != 0;
 }
 
 static void read_envelope(struct reader *r, uint32_t *version_of)
@@ -144,10 +140,10 @@ static void read_envelope(struct reader *r, uint32_t *version_of)
         refuse(r, 12, "byte order mark", order, "that of a little-endian file");
     if (version < FV_ARCHIVE_VERSION)
         refuse(r, 8, "version of the map format", version,
-               "3 to 6: only the Fovea before 0.1 that saved it reads it, map the place again");
+               "3 to 10: only the Fovea before 0.1 that saved it reads it, map the place again");
     else if (version > FV_ARCHIVE_VERSION_LAST)
         refuse(r, 8, "version of the map format", version,
-               "3 to 6: a later Fovea saved it and reads it, or map the place again");
+               "3 to 10: a later Fovea saved it and reads it, or map the place again");
     *version_of = version;
     if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
     const uint64_t bytes = get(r, 8);
@@ -194,13 +190,16 @@ static void read_header(struct reader *r, struct fv_archive_info *info)
     info->scales = get_u32(r);
     info->keyframe_number = get_number(r, "next keyframe");
     info->frame_number = get_number(r, "frames");
-    (void)get(r, 8);
+    info->gravities = version_has(info->version, FV_ARCHIVE_HAS_GRAVITY) ? get_u32(r) : 0;
+    r->at = FV_ARCHIVE_HEADER_BYTES;
     if (info->landmarks > info->landmark_slots)
         refuse(r, LANDMARKS_AT, "landmarks", info->landmarks, "at most the slots");
     if (info->keyframes > info->keyframe_slots)
         refuse(r, 140, "keyframes", info->keyframes, "at most the slots");
     if (info->edges > FV_MAP_EDGES_MAX) refuse(r, 144, "edges", info->edges, "at most 128");
     if (info->scales > FV_ARCHIVE_SCALES_MAX) refuse(r, 164, "scales", info->scales, "at most 9");
+    if (info->gravities > FV_ARCHIVE_SCALES_MAX)
+        refuse(r, GRAVITIES_AT, "gravities", info->gravities, "at most 9");
 }
 
 bool fv_archive_outline(const uint8_t *header, uint64_t bytes, struct fv_archive_outline *outline)
@@ -212,7 +211,7 @@ bool fv_archive_outline(const uint8_t *header, uint64_t bytes, struct fv_archive
     r.at = SIZE_AT;
     if (get(&r, 8) != bytes) return false;
     r.at = LANDMARKS_AT;
-    *outline = (struct fv_archive_outline){get_u32(&r), has_grid(version)};
+    *outline = (struct fv_archive_outline){get_u32(&r), version_has(version, FV_ARCHIVE_HAS_GRID)};
     return true;
 }
 
@@ -390,31 +389,71 @@ static void read_edge(struct reader *r, struct fv_map *map)
         fv_map_add_edge(map, e.a, e.b);
 }
 
+/* What a loaded map that is not the current one has of an `odom` frame; `what` names the record at
+ * `at`. NULL: there is no room. */
+static struct fv_map_odom *left_of(struct reader *r, struct fv_map_state *s, uint32_t map_id,
+                                   size_t at, const char *what)
+{
+    for (uint32_t i = 0; i < s->left_count; i++)
+        if (s->left[i].map_id == map_id) return &s->left[i];
+    if (s->left_count == FV_MAP_WORLDS_MAX) {
+        refuse(r, at, what, map_id, "the current one among nine");
+        return NULL;
+    }
+    s->left[s->left_count] = (struct fv_map_odom){.map_id = map_id, .odom_id = map_id};
+    fv_sim3_identity(&s->left[s->left_count].S_map_world);
+    return &s->left[s->left_count++];
+}
+
 /* Each loaded map has an `odom` frame of its own, that is its world. */
 static void read_scale(struct reader *r, struct fv_map *map)
 {
     struct fv_map_state *s = map->state;
     const size_t at = r->at;
     const uint32_t map_id = get_index(r, s->map_next, "map of a scale", "less than the next map's");
-    struct fv_map_odom odom = {map_id, map_id, {{0}, {0}, 0}, {0}};
-    odom.scale.source = get_u32(r);
-    odom.scale.log_scale = get_double(r, 30, "logarithm of a scale");
-    odom.scale.variance = get_double(r, 1e3, "variance of a scale");
-    if (odom.scale.source < FOVEA_SCALE_CAMERA_HEIGHT || odom.scale.source > FOVEA_SCALE_INERTIAL)
-        refuse(r, at + 4, "source of a scale", odom.scale.source, "1 to 4");
-    if (!(odom.scale.variance > 0)) refuse(r, at + 16, "variance of a scale", 0, "more than 0");
-    bool again = s->map_id == map_id && s->scale.source != 0;
-    for (uint32_t i = 0; i < s->left_count; i++)
-        again = again || s->left[i].map_id == map_id;
-    if (again) refuse(r, at, "map of a scale", map_id, "one that comes once");
-    if (s->map_id != map_id && s->left_count == FV_MAP_WORLDS_MAX)
-        refuse(r, at, "map of a scale", map_id, "the current one among nine");
-    if (r->status != FOVEA_OK) return;
-    fv_sim3_identity(&odom.S_map_world);
-    if (s->map_id == map_id)
-        s->scale = odom.scale;
+    struct fv_map_scale scale = {.source = get_u32(r)}, *kept = &s->scale;
+    scale.log_scale = get_double(r, 30, "logarithm of a scale");
+    scale.variance = get_double(r, 1e3, "variance of a scale");
+    if (scale.source < FOVEA_SCALE_CAMERA_HEIGHT || scale.source > FOVEA_SCALE_INERTIAL)
+        refuse(r, at + 4, "source of a scale", scale.source, "1 to 4");
+    if (!(scale.variance > 0)) refuse(r, at + 16, "variance of a scale", 0, "more than 0");
+    if (r->status == FOVEA_OK && map_id != s->map_id) {
+        struct fv_map_odom *odom = left_of(r, s, map_id, at, "map of a scale");
+        kept = odom != NULL ? &odom->scale : NULL;
+    }
+    if (r->status != FOVEA_OK || kept == NULL) return;
+    if (kept->source != FOVEA_SCALE_FREE)
+        refuse(r, at, "map of a scale", map_id, "one that comes once");
     else
-        s->left[s->left_count++] = odom;
+        *kept = scale;
+}
+
+static void read_gravity(struct reader *r, struct fv_map *map)
+{
+    struct fv_map_state *s = map->state;
+    const size_t at = r->at;
+    const uint32_t map_id =
+        get_index(r, s->map_next, "map of a gravity", "less than the next map's");
+    struct fv_map_gravity gravity, *kept = &s->gravity;
+    const uint32_t reserved = get_u32(r);
+    if (reserved != 0) refuse(r, at + 4, "reserved bytes of a gravity", reserved, "0");
+    for (int i = 0; i < 3; i++)
+        gravity.down[i] = get_double(r, 1.001, "direction of gravity");
+    gravity.sigma = get_double(r, FV_PI, "standard deviation of gravity");
+    const double off = fv_dot3(gravity.down, gravity.down) - 1;
+    if (r->status == FOVEA_OK && (off > 1e-6 || off < -1e-6))
+        refuse_real(r, at + 8, "square of gravity's direction", off + 1, "1: a unit vector");
+    if (r->status == FOVEA_OK && !(gravity.sigma > 0))
+        refuse_real(r, at + 32, "standard deviation of gravity", gravity.sigma, "more than 0");
+    if (r->status == FOVEA_OK && map_id != s->map_id) {
+        struct fv_map_odom *odom = left_of(r, s, map_id, at, "map of a gravity");
+        kept = odom != NULL ? &odom->gravity : NULL;
+    }
+    if (r->status != FOVEA_OK || kept == NULL) return;
+    if (kept->sigma > 0)
+        refuse(r, at, "map of a gravity", map_id, "one that comes once");
+    else
+        *kept = gravity;
 }
 
 /* Its cells stay where they are in the file. */
@@ -448,69 +487,8 @@ static void read_grid(struct reader *r, const struct fv_map *map, struct fv_arch
     r->at += cells;
 }
 
-/* ---- making it whole ------------------------------------------------------------------------- */
-
-/* Observers whose keyframes link back, each keyframe once. */
-static void mend_landmark(struct fv_map *map, uint32_t slot)
-{
-    struct fv_landmark *l = &map->landmarks[slot];
-    uint8_t kept = 0, best = 0;
-    for (uint32_t i = 0; i < l->observer_count; i++) {
-        const struct fv_observer o = l->observers[i];
-        const struct fv_map_frame frame = fv_map_frame_at(map, o.keyframe);
-        bool again = false;
-        for (uint32_t j = 0; j < kept; j++)
-            again = again || l->observers[j].keyframe == o.keyframe;
-        if (!again && frame.keyframe->used && o.feature < frame.keyframe->features &&
-            frame.landmark[o.feature] == (int32_t)slot) {
-            if (i == l->best) best = kept;
-            l->observers[kept++] = o;
-        }
-    }
-    l->observer_count = kept;
-    l->best = best;
-}
-
-/* Links whose landmarks know of them; then what follows from links. */
-static void mend_keyframe(struct fv_map *map, uint32_t slot)
-{
-    struct fv_map_frame frame = fv_map_frame_at(map, slot);
-    frame.keyframe->landmarks = 0;
-    for (uint32_t f = 0; f < frame.keyframe->features; f++) {
-        if (frame.landmark[f] == FV_MAP_NONE) continue;
-        const struct fv_landmark *l = &map->landmarks[frame.landmark[f]];
-        bool known = false;
-        for (uint32_t i = 0; i < l->observer_count; i++)
-            known = known || (l->observers[i].keyframe == slot && l->observers[i].feature == f);
-        if (!known) frame.landmark[f] = FV_MAP_NONE;
-        frame.keyframe->landmarks += known;
-    }
-    /* A parent is older, so that chains of parents end. */
-    const int32_t parent = frame.keyframe->parent;
-    if (parent < 0 || parent >= (int32_t)map->limits.keyframes || !map->keyframes[parent].used ||
-        map->keyframes[parent].number >= frame.keyframe->number)
-        frame.keyframe->parent = FV_MAP_NONE;
-}
-
-static void mend(struct fv_map *map)
-{
-    for (uint32_t i = 0; i < map->limits.landmarks; i++)
-        if (map->landmarks[i].used) mend_landmark(map, i);
-    for (uint32_t k = 0; k < map->limits.keyframes; k++)
-        if (map->keyframes[k].used) mend_keyframe(map, k);
-    map->state->free_count = 0;
-    map->state->landmark_top = map->limits.landmarks;
-    for (uint32_t i = map->limits.landmarks; i-- > 0;) {
-        struct fv_landmark *l = &map->landmarks[i];
-        if (l->used && l->observer_count == 0) {
-            l->used = false;
-            map->state->landmark_count--;
-        }
-        if (!l->used) map->free_landmarks[map->state->free_count++] = i;
-    }
-    for (uint32_t k = 0; k < map->limits.keyframes; k++)
-        if (map->keyframes[k].used) fv_map_rate_keyframe(map, k);
-}
+/* ---- the whole file ---------------------------------------------------------------------------
+ */
 
 static bool same_camera(const struct fovea_camera *a, const struct fovea_camera *b)
 {
@@ -548,15 +526,17 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
     for (uint32_t i = 0; i < info->landmarks && r.status == FOVEA_OK; i++)
         read_landmark(&r, map);
     for (uint32_t i = 0; i < info->keyframes && r.status == FOVEA_OK; i++)
-        read_keyframe(&r, map, has_distances(info->version));
+        read_keyframe(&r, map, version_has(info->version, FV_ARCHIVE_HAS_DISTANCES));
     for (uint32_t i = 0; i < info->edges && r.status == FOVEA_OK; i++)
         read_edge(&r, map);
     for (uint32_t i = 0; i < info->scales && r.status == FOVEA_OK; i++)
         read_scale(&r, map);
-    if (has_grid(info->version)) read_grid(&r, map, info);
+    for (uint32_t i = 0; i < info->gravities && r.status == FOVEA_OK; i++)
+        read_gravity(&r, map);
+    if (version_has(info->version, FV_ARCHIVE_HAS_GRID)) read_grid(&r, map, info);
     if (r.at != r.bytes) refuse(&r, r.at, "bytes left", (int64_t)(r.bytes - r.at), "none");
     if (r.status == FOVEA_OK)
-        mend(map);
+        fv_archive_mend(map);
     else
         fv_map_reset(map);
     if (r.status != FOVEA_OK) info->grid.side = 0;

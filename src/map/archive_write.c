@@ -3,6 +3,7 @@
 #include "base/hash.h"
 #include "base/elementary.h"
 #include "fovea/odometry.h"
+#include "geometry/vec.h"
 #include "map/archive.h"
 
 size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
@@ -14,7 +15,7 @@ size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
     const size_t keyframe = FV_ARCHIVE_KEYFRAME_BYTES + (size_t)limits->features * feature;
     return FV_ARCHIVE_HEADER_BYTES + limits->landmarks * landmark + limits->keyframes * keyframe +
            FV_MAP_EDGES_MAX * FV_ARCHIVE_EDGE_BYTES +
-           FV_ARCHIVE_SCALES_MAX * FV_ARCHIVE_SCALE_BYTES +
+           FV_ARCHIVE_SCALES_MAX * (FV_ARCHIVE_SCALE_BYTES + FV_ARCHIVE_GRAVITY_BYTES) +
            fv_archive_grid_bytes(FV_ARCHIVE_GRID_SIDE_MAX) + FV_ARCHIVE_CHECKSUM_BYTES;
 }
 
@@ -127,8 +128,9 @@ static void write_header(struct pen *pen, const struct fv_archive_state *archive
 {
     put_bytes(pen, (const uint8_t *)"FOVEAMAP", 8);
     put(pen,
-        (map->distances != NULL ? FV_ARCHIVE_VERSION_DISTANCES : FV_ARCHIVE_VERSION) +
-            (archive->has_grid ? FV_ARCHIVE_VERSION_GRID - FV_ARCHIVE_VERSION : 0),
+        FV_ARCHIVE_VERSION + (map->distances != NULL ? FV_ARCHIVE_HAS_DISTANCES : 0) +
+            (archive->has_grid ? FV_ARCHIVE_HAS_GRID : 0) +
+            (archive->gravities > 0 ? FV_ARCHIVE_HAS_GRAVITY : 0),
         4);
     put(pen, 0x01020304, 4);
     put(pen, bytes, 8);
@@ -149,7 +151,8 @@ static void write_header(struct pen *pen, const struct fv_archive_state *archive
     put(pen, archive->scales, 4);
     put(pen, map->state->keyframe_number, 8);
     put(pen, archive->frame_number, 8);
-    put(pen, 0, 8);
+    put(pen, archive->gravities, 4);
+    put(pen, 0, 4);
 }
 
 /* ---- units ----------------------------------------------------------------------------------- */
@@ -227,14 +230,29 @@ static void write_scale(struct fv_archive_state *archive, const struct fv_map *m
     archive->scales++;
 }
 
-static void write_scales(struct fv_archive_state *archive, const struct fv_map *map,
-                         struct pen *pen)
+static void write_gravity(struct fv_archive_state *archive, const struct fv_map *map,
+                          struct pen *pen, const struct fv_map_odom *odom)
+{
+    double down[3];
+    if (!(odom->gravity.sigma > 0) || fv_map_count_keyframes(map, odom->map_id) == 0) return;
+    fv_rotate3(odom->S_map_world.R, odom->gravity.down, down);
+    put(pen, odom->map_id, 4);
+    put(pen, 0, 4);
+    put_doubles(pen, down, 3);
+    put_double(pen, odom->gravity.sigma);
+    archive->gravities++;
+}
+
+static void write_each(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen,
+                       void (*write)(struct fv_archive_state *, const struct fv_map *, struct pen *,
+                                     const struct fv_map_odom *))
 {
     const struct fv_map_state *s = map->state;
-    const struct fv_map_odom current = {s->map_id, s->odom_id, s->S_map_world, s->scale};
-    write_scale(archive, map, pen, &current);
+    const struct fv_map_odom current = {s->map_id, s->odom_id, s->S_map_world, s->scale,
+                                        s->gravity};
+    write(archive, map, pen, &current);
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
-        if (s->left[i].map_id != s->map_id) write_scale(archive, map, pen, &s->left[i]);
+        if (s->left[i].map_id != s->map_id) write(archive, map, pen, &s->left[i]);
 }
 
 /* All counts of the header are known. */
@@ -260,7 +278,8 @@ static void edges_unit(struct fv_archive_state *archive, const struct fv_map *ma
         put(pen, e->generation_b, 4);
         archive->edges++;
     }
-    write_scales(archive, map, pen);
+    write_each(archive, map, pen, write_scale);
+    write_each(archive, map, pen, write_gravity);
     if (archive->with_grid)
         archive->phase = FV_ARCHIVE_GRID;
     else

@@ -144,7 +144,7 @@ static void leave(struct fv_map_state *s)
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX; i++) /* at most one entry per map */
         if (s->left[i].map_id == s->map_id) s->left[i].odom_id = s->left[i].map_id = UINT32_MAX;
     s->left[s->left_count++ % FV_MAP_WORLDS_MAX] =
-        (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_world, s->scale};
+        (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_world, s->scale, s->gravity};
 }
 
 /* An `odom` frame of its own, of which nothing is known. */
@@ -153,6 +153,7 @@ static void begin_odom(struct fv_map_state *s, uint32_t odom_id)
     s->odom_id = odom_id;
     fv_sim3_identity(&s->S_map_world);
     memset(&s->scale, 0, sizeof s->scale);
+    memset(&s->gravity, 0, sizeof s->gravity);
 }
 
 void fv_map_begin_another(struct fv_map *map)
@@ -173,6 +174,7 @@ void fv_map_enter(struct fv_map *map, uint32_t map_id)
         s->odom_id = s->left[i].odom_id;
         s->S_map_world = s->left[i].S_map_world;
         s->scale = s->left[i].scale;
+        s->gravity = s->left[i].gravity;
         return;
     }
     begin_odom(s, s->map_next++);

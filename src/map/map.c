@@ -274,6 +274,25 @@ double fv_map_scale_of(const struct fv_map *map, uint32_t map_id)
     return 0;
 }
 
+static bool turned_gravity(const struct fv_map_gravity *known, const struct fv_sim3 *S_map_world,
+                           struct fv_map_gravity *gravity)
+{
+    if (!(known->sigma > 0)) return false;
+    fv_rotate3(S_map_world->R, known->down, gravity->down);
+    gravity->sigma = known->sigma;
+    return true;
+}
+
+bool fv_map_gravity_of(const struct fv_map *map, uint32_t map_id, struct fv_map_gravity *gravity)
+{
+    const struct fv_map_state *s = map->state;
+    if (map_id == s->map_id) return turned_gravity(&s->gravity, &s->S_map_world, gravity);
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
+        if (s->left[i].map_id == map_id)
+            return turned_gravity(&s->left[i].gravity, &s->left[i].S_map_world, gravity);
+    return false;
+}
+
 bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *l)
 {
     if (l->observer_count != 1 || map->distances == NULL) return l->observer_count >= 2;

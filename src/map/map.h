@@ -125,6 +125,13 @@ struct fv_map_scale {
     double log_scale, variance; /* natural logarithm of metres per unit, and its variance */
 };
 
+/* What is known of gravity in a map, in the mean of its way. Where an `odom` frame has it, its axes
+ * are that frame's. Corrections of the map leave it alone. */
+struct fv_map_gravity {
+    double down[3]; /* unit vector, in which things fall */
+    double sigma;   /* of its direction, rad, of an axis; 0: nothing is known */
+};
+
 /* The continuous frame in which poses of a map are published, `world` of struct fovea_pose:
  * REP-105's `odom` in the axes of the camera. S_map_world takes its points to the map's own frame,
  * which T_cam_world and points of the map have. Corrections of the map change it, and not the
@@ -133,6 +140,7 @@ struct fv_map_odom {
     uint32_t map_id, odom_id;
     struct fv_sim3 S_map_world;
     struct fv_map_scale scale;
+    struct fv_map_gravity gravity;
 };
 
 struct fv_map_state {
@@ -149,8 +157,9 @@ struct fv_map_state {
     uint32_t
         landmark_top; /* slots from here on were never used: passes over all landmarks end here */
     uint32_t reserved;
-    struct fv_sim3 S_map_world; /* of the current map, as is the scale */
+    struct fv_sim3 S_map_world; /* of the current map, as are scale and gravity */
     struct fv_map_scale scale;
+    struct fv_map_gravity gravity;
     struct fv_map_odom left[FV_MAP_WORLDS_MAX];
 };
 
@@ -354,6 +363,8 @@ bool fv_map_metric(const struct fv_map *map);
 bool fv_map_metric_of(const struct fv_map *map, uint32_t map_id);
 /* Metres per unit of any map's own frame, as it is now; 0: not known, or no such map. */
 double fv_map_scale_of(const struct fv_map *map, uint32_t map_id);
+/* Gravity in any map's own axes, as they are now. False: not known, or no such map. */
+bool fv_map_gravity_of(const struct fv_map *map, uint32_t map_id, struct fv_map_gravity *gravity);
 /* Whether enough is known of where a landmark is: two keyframes see it, or the one that sees it
  * knows its distance. */
 bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *landmark);

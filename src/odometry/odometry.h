@@ -213,6 +213,10 @@ struct fv_closure_counts fv_odometry_closure_counts(const struct fv_odometry *od
 bool fv_odometry_withholds(const struct fv_odometry *odometry);
 /* Keep with the map what is known of its unit. */
 void fv_odometry_keep_scale(struct fv_odometry *odometry, const struct fv_map_scale *scale);
+/* The same of gravity, in the axes of `world`; and what is kept with the map that the last frame's
+ * pose is of. False: nothing is known. */
+void fv_odometry_keep_gravity(struct fv_odometry *odometry, const struct fv_map_gravity *gravity);
+bool fv_odometry_gravity(const struct fv_odometry *odometry, struct fv_map_gravity *gravity);
 
 /* ---- between the stage's own files ----------------------------------------------------------- */
 

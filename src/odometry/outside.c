@@ -61,6 +61,17 @@ void fv_odometry_keep_scale(struct fv_odometry *o, const struct fv_map_scale *sc
     o->map.state->scale = *scale;
 }
 
+void fv_odometry_keep_gravity(struct fv_odometry *o, const struct fv_map_gravity *gravity)
+{
+    o->map.state->gravity = *gravity;
+}
+
+bool fv_odometry_gravity(const struct fv_odometry *o, struct fv_map_gravity *gravity)
+{
+    *gravity = o->map.state->gravity;
+    return gravity->sigma > 0;
+}
+
 /* ---- saving the map -------------------------------------------------------------------------- */
 
 void fv_odometry_save_to(struct fv_odometry *o, uint8_t *buffer, size_t bytes)

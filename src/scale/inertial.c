@@ -15,16 +15,6 @@ static const double unknown_sigma = 0.1;                     /* rad, and of that
 static const double mono_drift = 0.003, stereo_drift = 1e-4; /* of the scale, relative, by root s */
 static const double tilt_drift = 3e-4;                       /* of a map, rad by root s */
 static const double stereo_sigma = 0.003;
-/* Of what is claimed. */
-static const double claim_sigma = 0.04, claim_misfit = 4, claim_gravity_sigma = 0.05;
-static const double claim_time_s = 3;
-static const double settled_sigma = 0.02, settled_s = 6; /* of gravity: the sooner of both */
-/* Of the scale: models of lenses and sensors are not better; the unit of a map by one camera
- * differs by this from place to place, in simulation and on EuRoC. */
-static const double stereo_sigma_least = 0.005, mono_sigma_least = 0.01;
-/* Poses tilt together, a map by more and more: of gravity in a frame's axes no estimate is surer
- * than this, rad. Found in simulation on odd seeds of four trajectories. */
-static const double gravity_sigma_least = 1.2e-3;
 static const double gyro_bias_sigma_max = 0.01; /* to predict turns by, rad/s */
 /* To hold poses by turns, rad/s, s and rad: poses that a wrong clock or mount has turned no longer
  * show that it is wrong. */
@@ -37,7 +27,6 @@ static const double gyro_bias_least = 1e-4;
 static const double shaken_fraction = 0.4;
 static const double gyro_bias_most = 0.2; /* twice that of cheap sensors, rad/s */
 static const int64_t coasting_max_ns = 2000000000, rate_age_max_ns = 20000000;
-static const double gravity_m_s2 = 9.80665;
 /* Of what came of samples by a wrong clock: scale (relative), gravity (rad), biases. */
 static const double doubted_sigma = 0.5, doubted_gravity_sigma = 0.2;
 static const double doubted_bias_sigma[2] = {0.1, 0.3};
@@ -58,7 +47,7 @@ void fv_inertial_stage_carve(struct fv_inertial_stage *stage, const struct fovea
         .noise = {square_of(imu->gyro_noise, gyro_noise, noise_factor),
                   square_of(imu->acceleration_noise, acceleration_noise, noise_factor)},
         .acceleration_walk = square_of(imu->acceleration_walk, acceleration_walk, 1),
-        .gravity = gravity_m_s2};
+        .gravity = FV_INERTIAL_GRAVITY};
     struct fv_se3 T_body_cam, T_body_imu;
     memset(stage, 0, sizeof *stage);
     stage->enabled = true;
@@ -139,15 +128,24 @@ static void enter(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     s->map = fv_odometry_pose(odometry)->map_id;
     s->reset_counter = fv_odometry_reset_counter(odometry);
     s->metric = fv_map_metric(fv_odometry_map(odometry));
+    (void)fv_odometry_gravity(odometry, &s->brought);
     restart(stage);
     fv_imu_clock_restart(&stage->clock->found);
     fv_imu_clock_restart(&stage->clock->mounted);
 }
 
+/* Covariance of biases whose axes err independently: sigmas of gyro and acceleration. */
+static void bias_diagonal(const double sigma[2], double covariance[21])
+{
+    static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
+    memset(covariance, 0, 21 * sizeof *covariance);
+    for (int i = 0; i < 6; i++)
+        covariance[diagonal[i]] = sigma[i / 3] * sigma[i / 3];
+}
+
 /* Samples go by another clock from now on: begin anew, and doubt what is claimed. */
 static void doubt(struct fv_inertial_stage *stage)
 {
-    static const int diagonal[6] = {0, 6, 11, 15, 18, 20};
     struct fv_inertial_stage_state *s = stage->state;
     fv_inertial_init(&stage->estimator);
     restart(stage);
@@ -160,11 +158,8 @@ static void doubt(struct fv_inertial_stage *stage)
     if (!s->known.claimed) return;
     s->doubted = true;
     s->claimed_sigma = s->known.scale_sigma = doubted_sigma;
-    s->known.gravity_sigma = doubted_gravity_sigma;
-    memset(s->known.bias_covariance, 0, sizeof s->known.bias_covariance);
-    for (int i = 0; i < 6; i++)
-        s->known.bias_covariance[diagonal[i]] =
-            doubted_bias_sigma[i / 3] * doubted_bias_sigma[i / 3];
+    s->known.gravity_sigma = s->known.map_gravity.sigma = doubted_gravity_sigma;
+    bias_diagonal(doubted_bias_sigma, s->known.bias_covariance);
 }
 
 /* Depth of what the newest keyframe sees, in the unit of world. */
@@ -488,83 +483,8 @@ static void refresh(struct fv_inertial_stage *stage, const struct fv_odometry *o
     }
 }
 
-/* ---- what is claimed ------------------------------------------------------------------------- */
-
-static void write_known(struct fv_inertial_known *known, const struct fv_inertial_estimate *e,
-                        double sigma_least)
-{
-    const double sigma2 = e->scale_sigma * e->scale_sigma + sigma_least * sigma_least;
-    const int gyro = FV_INERTIAL_GYRO_BIAS, acceleration = FV_INERTIAL_ACCELERATION_BIAS;
-    known->claimed = true;
-    known->scale = e->own.scale;
-    known->map_scale = fv_exp(e->log_scale);
-    known->scale_sigma = __builtin_sqrt(sigma2);
-    known->gravity_sigma = __builtin_sqrt(e->gravity_sigma * e->gravity_sigma +
-                                          gravity_sigma_least * gravity_sigma_least);
-    for (int i = 0; i < 3; i++)
-        known->gravity[i] = gravity_m_s2 * e->own.down[i];
-    memcpy(known->biases.gyro, e->shared.gyro_bias, sizeof known->biases.gyro);
-    memcpy(known->biases.acceleration, e->own.acceleration_bias, sizeof known->biases.acceleration);
-    for (int r = 0, k = 0; r < 6; r++)
-        for (int c = r; c < 6; c++, k++)
-            known->bias_covariance[k] =
-                e->covariance[(r < 3 ? gyro + r : acceleration + r - 3) * FV_INERTIAL_TAIL +
-                              (c < 3 ? gyro + c : acceleration + c - 3)];
-}
-
-/* The filter of frames goes on from what the stations say of its velocity then. */
-static void correct_velocity(struct fv_inertial_stage *stage, const struct fv_inertial_estimate *e)
-{
-    struct fv_inertial_live *live = &stage->state->live;
-    const struct fv_inertial_station *newest =
-        fv_inertial_station_at(&stage->estimator, e->stations - 1);
-    double variance = 0;
-    if (!live->moving || fv_norm3(newest->live) == 0) return;
-    for (int i = 0; i < 3; i++) {
-        const double more = e->own.velocity[i] - newest->live[i];
-        live->velocity[i] += more;
-        for (uint32_t k = e->stations; k < fv_inertial_station_count(&stage->estimator); k++)
-            fv_inertial_station_at(&stage->estimator, k)->live[i] += more; /* so were they */
-        variance += e->covariance[(FV_INERTIAL_VELOCITY + i) * (FV_INERTIAL_TAIL + 1)] / 3;
-    }
-    live->variance = variance;
-}
-
-/* An estimate has come. */
-static void judge(struct fv_inertial_stage *stage)
-{
-    struct fv_inertial_stage_state *s = stage->state;
-    const struct fv_inertial_estimate *e = fv_inertial_result(&stage->estimator);
-    if (s->cuts != stage->estimator.state->cuts) { /* another stretch: it must show itself */
-        s->cuts = stage->estimator.state->cuts;
-        s->agreeing = 0;
-        s->anew = true;
-    }
-    if (!e->known) {
-        s->agreeing = 0;
-        return;
-    }
-    const double log_scale = fv_log(e->own.scale), moved = fv_abs(log_scale - s->log_scale);
-    const bool good = e->scale_sigma < claim_sigma && e->misfit < claim_misfit &&
-                      e->gravity_sigma < (s->metric ? claim_gravity_sigma : settled_sigma),
-               agrees = moved < 2 * (e->scale_sigma < s->sigma ? s->sigma : e->scale_sigma);
-    s->agreeing = good && agrees ? s->agreeing + 1 : 0;
-    s->log_scale = log_scale;
-    s->sigma = e->scale_sigma;
-    const bool better =
-        s->known.claimed && e->misfit < claim_misfit && e->scale_sigma < s->known.scale_sigma;
-    const bool seasoned =
-        (s->known.claimed && !s->anew) ||
-        (s->agreeing >= FV_INERTIAL_AGREEING && (s->metric || e->time_s >= claim_time_s));
-    if (!seasoned || !(good || better)) return;
-    s->anew = s->doubted = false;
-    write_known(&s->known, e, s->metric ? stereo_sigma_least : mono_sigma_least);
-    correct_velocity(stage, e);
-    s->claimed_ns = e->stamp_ns;
-    s->claimed_sigma = s->known.scale_sigma;
-    s->known.settled =
-        s->known.settled || e->gravity_sigma < settled_sigma || e->time_s > settled_s;
-}
+/* ---- units and results ------------------------------------------------------------------------
+ */
 
 bool fv_inertial_stage_waiting(const struct fv_inertial_stage *stage)
 {
@@ -579,10 +499,29 @@ void fv_inertial_stage_unit(struct fv_inertial_stage *stage, const struct fv_odo
         fv_inertial_begin(&stage->estimator);
         return;
     }
-    if (!fv_inertial_unit(&stage->estimator)) judge(stage);
+    if (!fv_inertial_unit(&stage->estimator)) fv_inertial_stage_judge(stage);
 }
 
 const struct fv_inertial_known *fv_inertial_stage_known(const struct fv_inertial_stage *stage)
 {
     return stage->enabled && stage->state->known.claimed ? &stage->state->known : NULL;
+}
+
+bool fv_inertial_stage_biases(const struct fv_inertial_stage *stage, struct fv_imu_biases *biases,
+                              double covariance[21])
+{
+    const struct fv_inertial_known *known = fv_inertial_stage_known(stage);
+    memset(biases, 0, sizeof *biases);
+    memset(covariance, 0, 21 * sizeof *covariance);
+    if (known != NULL) {
+        *biases = known->biases;
+        memcpy(covariance, known->bias_covariance, sizeof known->bias_covariance);
+        return true;
+    }
+    if (!stage->enabled || !fv_inertial_biases_kept(&stage->estimator)) return false;
+    const struct fv_inertial_state *kept = stage->estimator.state;
+    memcpy(biases->gyro, kept->gyro_bias, sizeof biases->gyro);
+    memcpy(biases->acceleration, kept->acceleration_bias, sizeof biases->acceleration);
+    bias_diagonal(kept->bias_sigma, covariance);
+    return true;
 }

@@ -44,6 +44,7 @@ extern "C" {
 
 /* Estimates that must agree before the scale is claimed. */
 enum { FV_INERTIAL_AGREEING = 4 };
+#define FV_INERTIAL_GRAVITY 9.80665 /* m/s^2 */
 
 /* What is known, in the axes of `world`. */
 struct fv_inertial_known {
@@ -53,6 +54,8 @@ struct fv_inertial_known {
     double gravity[3];         /* m/s^2 */
     double gravity_sigma;      /* rad, of an axis; at least what a map tilts by while it grows */
     bool settled;              /* gravity is known well enough to turn `odom` by it */
+    /* Gravity in the mean of the way through this map, together with what the map brought. */
+    struct fv_map_gravity map_gravity;
     struct fv_imu_biases biases;
     double bias_covariance[21]; /* gyro, acceleration; upper triangle by rows */
     /* Of the camera, now; where `moving`. */
@@ -88,8 +91,9 @@ struct fv_inertial_stage_state {
     uint32_t agreeing;       /* estimates that agreed with the one before */
     double log_scale, sigma; /* of the one before */
     struct fv_imu_still still;
-    double depth; /* at the last station, in world's unit */
-    bool doubted; /* what is claimed came of samples by a wrong clock */
+    struct fv_map_gravity brought; /* by the map when it was entered */
+    double depth;                  /* at the last station, in world's unit */
+    bool doubted;                  /* what is claimed came of samples by a wrong clock */
 };
 
 struct fv_inertial_stage {
@@ -125,6 +129,11 @@ void fv_inertial_stage_unit(struct fv_inertial_stage *stage, const struct fv_odo
 
 /* NULL: nothing is claimed. */
 const struct fv_inertial_known *fv_inertial_stage_known(const struct fv_inertial_stage *stage);
+/* Biases with their covariance as that of struct fv_inertial_known: what is claimed, or before that
+ * in a map what the maps before it left of them, the axes independent of each other. False, and
+ * zeros: nothing is known of them. */
+bool fv_inertial_stage_biases(const struct fv_inertial_stage *stage, struct fv_imu_biases *biases,
+                              double covariance[21]);
 
 /* How far the clocks are apart beyond what the rig states, seconds to add to a sample's stamp, and
  * how many of them are added. False: no inertial stage. */
@@ -159,6 +168,9 @@ void fv_inertial_stage_init_clocks(struct fv_inertial_stage *stage);
  * before holds. */
 bool fv_inertial_stage_compare_clocks(struct fv_inertial_stage *stage,
                                       const struct fv_odometry *odometry, int64_t stamp_ns);
+
+/* An estimate has come: whether it counts, and what is known by it. */
+void fv_inertial_stage_judge(struct fv_inertial_stage *stage);
 
 /* A sample; a frame with a pose, before the filter of frames takes it; the filter after that; and a
  * frame without one, whose motion by the samples is in `known`. */

@@ -149,6 +149,8 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry,
     if (s->map != pose->map_id || (!s->known && map->scale.source != FOVEA_SCALE_FREE))
         scale_enter(s, pose->map_id, map);
     scale_follow(s, map->S_map_world.s);
+    if (pose->posed && inertial != NULL && inertial->settled)
+        fv_odometry_keep_gravity(odometry, &inertial->map_gravity);
     if (!pose->posed || given_by_stereo(odometry)) return;
     /* What a map's first pose says of the floor is used at once. */
     if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT) {

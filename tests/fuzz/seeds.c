@@ -78,6 +78,7 @@ static void write_maps(const char *corpus)
     }
     int8_t cells[16 * 16];
     size_t bytes;
+    small.map.state->gravity = (struct fv_map_gravity){{0.6, 0, 0.8}, 0.01};
     const struct fv_archive_grid grid = small_map_grid(&small, 16, &random, cells);
     uint8_t *data = small_map_save_with(&small, &grid, cells, sizeof cells, &bytes);
     fv_test_write(fv_test_path(corpus, "fuzz_map/grid.map"), data, bytes);

@@ -32,6 +32,14 @@ static void unit_print(const struct fv_map_state *s, uint32_t map_id)
                100 * __builtin_sqrt(scale->variance));
 }
 
+/* "; gravity known to 0.12 degrees", or nothing. */
+static void gravity_print(const struct fv_map *map, uint32_t map_id)
+{
+    struct fv_map_gravity gravity;
+    if (fv_map_gravity_of(map, map_id, &gravity))
+        printf(", gravity known to %.2g degrees", gravity.sigma * 180 / FV_PI);
+}
+
 /* The first map from *id on that holds keyframes. */
 static bool next_map(const struct fv_map_open *open, uint32_t *id)
 {
@@ -81,6 +89,7 @@ static void info_print(const struct fv_map_open *open, const char *path)
         printf("  map %-6u %u keyframes, %u landmarks, %.4g units from keyframe to keyframe, units",
                id, count, landmarks, length);
         unit_print(map->state, id);
+        gravity_print(map, id);
         puts(id == open->info.map_id ? ", current when saved" : "");
     }
 }

@@ -410,6 +410,31 @@ static void test_a_wrong_mount_is_a_misfit(void **state)
     }
 }
 
+/* Longer than the window, of a map that tilts steadily: gravity of the whole way is that of its
+ * middle, and the tilts differ by what they do. */
+static void test_gravity_of_the_whole_way(void **state)
+{
+    (void)state;
+    const double up[3] = {0, 0, -1};
+    double middle[3];
+    tilt_rate = tilt_drift = 2e-3;
+    begin(0);
+    run(LIVELY, 30, 0.002, 11);
+    const struct fv_inertial_estimate *e = fv_inertial_result(&inertial);
+    const double way_s = (double)e->stamp_ns * 1e-9, t = 1 + way_s / 2;
+    const double tilted[3] = {0.8 * tilt_rate * t, -0.6 * tilt_rate * t, 0};
+    double tilt[9], R[9];
+    fv_so3_exp(tilted, tilt);
+    fv_multiply33(T_world_up.R, tilt, R);
+    fv_rotate3(R, up, middle);
+    assert_true(e->known && inertial.state->gone > 10);
+    assert_true(acos(fv_dot3(middle, e->mean_down)) < 4e-3);
+    assert_true(acos(fv_dot3(middle, e->own.down)) > 0.02);
+    const double variance = tilt_rate * tilt_rate * way_s * way_s / 24;
+    assert_true(e->down_variance > 0.7 * variance && e->down_variance < 1.3 * variance);
+    tilt_rate = tilt_drift = 0;
+}
+
 /* Longer than the window: the scale here is that of the end, that of the whole way its mean. */
 static void test_scale_of_the_whole_way(void **state)
 {
@@ -534,6 +559,7 @@ int main(void)
         cmocka_unit_test(test_a_wrong_mount_is_a_misfit),
         cmocka_unit_test(test_what_is_of_two_passes_is_not_handed_on),
         cmocka_unit_test(test_scale_of_the_whole_way),
+        cmocka_unit_test(test_gravity_of_the_whole_way),
         cmocka_unit_test(test_no_scale_without_acceleration),
         cmocka_unit_test(test_metric_poses_at_rest),
         cmocka_unit_test(test_shaking_is_noise),

@@ -79,6 +79,28 @@ static void test_what_is_claimed_is_of_the_right_variables(void **state)
     assert_true(known->bias_covariance[4] == 5e-7);
 }
 
+/* Gravity of the map is that of its whole way, no surer than the way is straight; what the map
+ * brought counts with it, by how sure it is. */
+static void test_gravity_of_the_map_is_of_its_whole_way(void **state)
+{
+    (void)state;
+    struct fv_inertial_estimate *e = &stage.estimator.state->estimate;
+    const struct fv_map_gravity *gravity = &stage.state->known.map_gravity;
+    e->gravity_sigma = 3e-3;
+    e->mean_down[2] = 1;
+    e->down_variance = 1.6e-5;
+    fv_inertial_stage_unit(&stage, NULL);
+    const double own = gravity->sigma;
+    assert_true(gravity->down[2] == 1 && own > 5e-3 && own < 5.2e-3);
+    stage.state->brought = (struct fv_map_gravity){{0.01, 0, 1}, own};
+    fv_inertial_stage_unit(&stage, NULL);
+    assert_true(gravity->down[0] > 0.00499 && gravity->down[0] < 0.00501);
+    assert_true(gravity->sigma > 0.7 * own && gravity->sigma < 0.71 * own);
+    stage.state->brought.sigma = own / 100;
+    fv_inertial_stage_unit(&stage, NULL);
+    assert_true(gravity->down[0] > 0.0099 && gravity->sigma > 1e-3);
+}
+
 /* However sure the estimate is, a map by one camera has not one unit everywhere. */
 static void test_no_unit_is_surer_than_its_kind(void **state)
 {
@@ -246,6 +268,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(test_what_is_claimed_is_of_the_right_variables, set_up),
+        cmocka_unit_test_setup(test_gravity_of_the_map_is_of_its_whole_way, set_up),
         cmocka_unit_test_setup(test_no_unit_is_surer_than_its_kind, set_up),
         cmocka_unit_test_setup(test_biases_stay_as_sure_as_they_are, set_up),
         cmocka_unit_test_setup(test_turns_wait_for_the_bias_and_use_it_at_once, set_up),
