@@ -122,9 +122,10 @@ struct fv_message_pose {
     double velocity[3], angular_rate[3];
     double velocity_sigma, angular_rate_sigma; /* of each axis; 0: not known */
     struct fv_message_transform T_keyframe_child;
-    bool inertial; /* the next are known */
-    double gyro_bias[3], acceleration_bias[3], bias_covariance[21], gravity[3], gravity_sigma;
-    uint32_t change_count; /* how often unit or axes of the parent changed in this map */
+    bool biased; /* the next three are known */
+    double gyro_bias[3], acceleration_bias[3], bias_covariance[21];
+    double gravity[3], gravity_sigma; /* 0: not known */
+    uint32_t change_count;            /* how often unit or axes of the parent changed in this map */
     double change_scale;
     struct fv_message_transform change;
     struct fv_message_transform T_map_parent;

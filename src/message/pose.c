@@ -48,11 +48,11 @@ static void fill_motion(fovea_pose_t *out, const struct fv_message_pose *in, boo
         covariance[k] = r < 3 ? in->velocity_sigma * in->velocity_sigma
                               : in->angular_rate_sigma * in->angular_rate_sigma;
     fill(out->velocity_covariance, covariance, 21, moving && in->velocity_sigma > 0);
-    fill(out->gyro_bias, in->gyro_bias, 3, posed && in->inertial);
-    fill(out->acceleration_bias, in->acceleration_bias, 3, posed && in->inertial);
-    fill(out->bias_covariance, in->bias_covariance, 21, posed && in->inertial);
-    fill(out->gravity, in->gravity, 3, posed && in->inertial);
-    fill(&out->gravity_sigma, &in->gravity_sigma, 1, posed && in->inertial);
+    fill(out->gyro_bias, in->gyro_bias, 3, posed && in->biased);
+    fill(out->acceleration_bias, in->acceleration_bias, 3, posed && in->biased);
+    fill(out->bias_covariance, in->bias_covariance, 21, posed && in->biased);
+    fill(out->gravity, in->gravity, 3, posed && in->gravity_sigma > 0);
+    fill(&out->gravity_sigma, &in->gravity_sigma, 1, posed && in->gravity_sigma > 0);
 }
 
 static void fill_scale(fovea_pose_t *out, const struct fv_message_pose *in)

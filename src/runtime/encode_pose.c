@@ -25,14 +25,21 @@ static void fill_change(const struct fv_publish *publish, struct fv_message_pose
 static void fill_inertial(const struct fovea *rt, struct fv_message_pose *message)
 {
     const struct fv_inertial_known *known = fv_inertial_stage_known(&rt->inertial);
-    message->inertial = known != NULL;
-    if (known == NULL) return;
-    memcpy(message->gyro_bias, known->biases.gyro, sizeof message->gyro_bias);
-    memcpy(message->acceleration_bias, known->biases.acceleration,
-           sizeof message->acceleration_bias);
-    memcpy(message->bias_covariance, known->bias_covariance, sizeof message->bias_covariance);
-    fv_publish_turn(&rt->publish, known->gravity, message->gravity);
-    message->gravity_sigma = known->gravity_sigma;
+    struct fv_map_gravity kept;
+    struct fv_imu_biases biases;
+    double gravity[3];
+    message->biased = fv_inertial_stage_biases(&rt->inertial, &biases, message->bias_covariance);
+    memcpy(message->gyro_bias, biases.gyro, sizeof message->gyro_bias);
+    memcpy(message->acceleration_bias, biases.acceleration, sizeof message->acceleration_bias);
+    if (known != NULL) {
+        fv_publish_turn(&rt->publish, known->gravity, message->gravity);
+        message->gravity_sigma = known->gravity_sigma;
+    } else if (fv_odometry_gravity(&rt->odometry, &kept)) { /* the map that was entered has it */
+        for (int i = 0; i < 3; i++)
+            gravity[i] = FV_INERTIAL_GRAVITY * kept.down[i];
+        fv_publish_turn(&rt->publish, gravity, message->gravity);
+        message->gravity_sigma = kept.sigma;
+    }
 }
 
 static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs,

@@ -104,19 +104,35 @@ static struct fv_se3 upright_of(const struct fv_publish_state *s)
     return U;
 }
 
+/* Direction in which things fall, in the axes of `world`: by the inertial sensor, as the camera
+ * stands now, or as the map brought it. */
+static bool gravity_of(const struct fv_odometry *odometry, const struct fv_inertial_known *inertial,
+                       double down[3])
+{
+    struct fv_map_gravity kept;
+    if (inertial != NULL && inertial->settled) {
+        fv_copy3(inertial->gravity, down);
+        return true;
+    }
+    if (!fv_odometry_gravity(odometry, &kept)) return false;
+    fv_copy3(kept.down, down);
+    return true;
+}
+
 /* What becomes known changes odom, from the world's origin: metres, gravity, or both. */
 static void change_odom(struct fv_publish *publish, bool metres, double scale,
+                        const struct fv_odometry *odometry,
                         const struct fv_inertial_known *inertial)
 {
     struct fv_publish_state *s = publish->state;
     const struct fv_se3 *B = &publish->T_body_cam;
-    const bool upright = inertial != NULL && inertial->settled && !s->is_upright;
-    double back[9], up[3];
+    double back[9], down[3], up[3];
+    const bool upright = !s->is_upright && gravity_of(odometry, inertial, down);
     metres = metres && !s->metric;
     if (!metres && !upright) return;
     const struct fv_se3 before = upright_of(s);
     if (upright) {
-        fv_rotate3(B->R, inertial->gravity, up);
+        fv_rotate3(B->R, down, up);
         for (int i = 0; i < 3; i++)
             up[i] = -up[i];
         s->is_upright = fv_normalise3(up);
@@ -201,7 +217,7 @@ static void publish_camera(struct fv_publish *publish, const struct fv_odometry 
     pose->keyframe_stamp_ns = reference.stamp_ns;
     fv_se3_to_rows(&reference.T_keyframe_cam, pose->T_keyframe_cam);
     const struct fv_scale_value value = fv_scale_get(scale);
-    change_odom(publish, value.known, value.metres * pose->map_scale, inertial);
+    change_odom(publish, value.known, value.metres * pose->map_scale, odometry, inertial);
     s->sent = 1;
     if (!value.known) return;
     scale_pose(s, value.metres);
