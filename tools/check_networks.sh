@@ -28,6 +28,7 @@ echo "== uses"
 "$python" tests/import/uses.py || failed=1
 "$python" tests/import/segments.py || failed=1
 "$python" tests/import/named.py || failed=1
+"$python" tests/import/command_line.py || failed=1
 echo "== states"
 "$python" tests/import/states.py --rounds "$rounds" || failed=1
 echo "== decoders"

@@ -260,6 +260,9 @@ def halves(bench):
     done = bench.tool("--quantise", path, os.path.join(bench.folder, "pictures"), "-o", bench.path("older.fvm"), "--decoder", "none")
     bench.holds(f"and their network loses {said(done.stdout)[1]:g} %", said(done.stdout)[1] < 6, done)
     bench.refused("weights of half precision without --quantise", "found float16", path)
+    bench.tool("--quantise", bench.path("newer.tflite", network()), os.path.join(bench.folder, "pictures"), "-o", bench.path("newer.fvm"), "--decoder", "none")
+    sizes = [os.path.getsize(bench.path(f"{name}.int8.tflite")) for name in ("older", "newer")]
+    bench.holds("bytes that no tensor has any more do not go along", abs(sizes[0] - sizes[1]) < 0.1 * sizes[1], sizes)
 
 
 def enlarged(padding, own):
@@ -325,6 +328,51 @@ def ranges(bench):
             raw = file.read()
         out = [struct.unpack_from("<f", raw, 160 + at)[0] for at in (20, 32)]
     bench.holds("the model file has the mean and scale of the calibration, whatever range its pictures have", np.allclose(out, (127.5, 1 / 127.5)), (out, done))
+
+
+def faces():
+    """Outputs of the shapes of those of MediaPipe's detector of faces."""
+    b, side = Builder(), 128
+    x, flat = b.tensor("float32", (1, side, side, 3)), b.tensor("float32", (1, side * side * 3))
+    b.op("RESHAPE", [x, b.const("int32", [1, side * side * 3])], [flat], "Reshape", NewShape=[1, side * side * 3])
+    outs = []
+    for count in (16, 1):
+        cut, out = b.tensor("float32", (1, 896 * count)), b.tensor("float32", (1, 896, count))
+        b.op("STRIDED_SLICE", [flat] + [b.const("int32", v) for v in ([0, 0], [1, 896 * count], [1, 1])], [cut], "StridedSlice", BeginMask=0,
+             EndMask=0, EllipsisMask=0, NewAxisMask=0, ShrinkAxisMask=0)
+        b.op("RESHAPE", [cut, b.const("int32", [1, 896, count])], [out], "Reshape", NewShape=[1, 896, count])
+        outs.append(out)
+    return b.bytes([x], outs)
+
+
+def fits(bench):
+    """A network is calibrated on pictures that are fitted as they will be when it runs, and its model file says so."""
+    import quantise
+    import argparse
+    import use
+    parser = argparse.ArgumentParser()
+    use.add_arguments(parser)
+    for what, data, options, kind, fit in (("faces", faces(), (), "blaze", "letterbox"), ("a network of no certain decoder", network(), (), None, "stretch"),
+                                           ("poses that the user names", network(), ("--decoder", "movenet"), "movenet", "letterbox")):
+        arguments = parser.parse_args(options)
+        found = quantise.decoder_of(quantise.prepared(data)[0], arguments, {}, [])
+        bench.holds(f"{what}: the decoder before quantisation", found == kind, found)
+        found = quantise.habits(vars(arguments), {}, [1, 128, 128, 3], [], kind)[0]
+        bench.holds(f"{what} are calibrated on pictures as by {fit}", found == fit, found)
+    b = Real(2)
+    b.conv(51, 2)
+    b.then("MEAN", (1, 51), None, b.const("int32", [1, 2]), options="Reducer", KeepDims=False)
+    b.then("LOGISTIC", (1, 51), None)
+    b.then("RESHAPE", (1, 1, 17, 3), None, b.const("int32", [1, 1, 17, 3]), options="Reshape", NewShape=[1, 1, 17, 3])
+    path, folder = bench.path("people.tflite", b.file()), os.path.join(bench.folder, "pictures")
+    for options, fit in ((("--decoder", "movenet"), "letterbox"), (("--decoder", "none"), "stretch"), (("--decoder", "none", "--fit", "letterbox"), "letterbox")):
+        done, said_so = bench.tool("--quantise", path, folder, "-o", bench.path("people.int8.fvm"), *options), -1
+        if done.returncode == 0:
+            with open(bench.path("people.int8.fvm"), "rb") as file:
+                said_so = struct.unpack_from("<i", file.read(164), 160)[0]
+        bench.holds(f"{' '.join(options)}: {fit} in calibration and in the model file", (f"({fit})" in done.stdout, said_so) == (True, fit == "letterbox"), done)
+    bench.holds("the quantised network's name ends in .int8 once", os.path.exists(bench.path("people.int8.tflite")) and
+                not os.path.exists(bench.path("people.int8.int8.tflite")))
 
 
 def precision(bench):
@@ -403,6 +451,7 @@ def main():
         halves(bench)
         own_operators(bench)
         ranges(bench)
+        fits(bench)
         precision(bench)
         refuses(bench)
     return 1 if bench.wrong else 0

@@ -6,7 +6,6 @@
     python3 tools/import --recut 0,2 MODEL.fvm -o NEW.fvm
 
 Needs the packages tflite and numpy; --check also ai-edge-litert and pillow. See README.md beside this file."""
-import argparse
 import importlib.util
 import os
 import platform
@@ -39,6 +38,7 @@ for package in ("numpy", "tflite", "flatbuffers"):
     except ImportError:
         sys.exit(f"tools/import: found no Python package {package}, expected it: pip install tflite numpy flatbuffers")
 
+import command  # noqa: E402
 import graph as graph_module  # noqa: E402
 import plan as plan_module  # noqa: E402
 import recut  # noqa: E402
@@ -124,7 +124,7 @@ def quantise_first(arguments, output):
     """From here on the model is the quantised one, which is left beside the output; returns what average precision needs."""
     import from_onnx
     import quantise
-    target = os.path.splitext(output)[0] + ".int8.tflite"
+    target = os.path.splitext(output)[0].removesuffix(".int8") + ".int8.tflite"
     if os.path.exists(target) and os.path.samefile(target, arguments.model):
         raise graph_module.ImportProblem(f"found the model that is to be quantised at {target}, expected another output")
     with tempfile.TemporaryDirectory() as folder:
@@ -133,7 +133,8 @@ def quantise_first(arguments, output):
             model = os.path.join(folder, "real.tflite")
             for line in from_onnx.run(arguments.model, model, arguments):
                 print(line)
-        lines, tried = quantise.run(model, target, arguments, use.archive(model)[1])
+        labels, metadata = use.archive(model)
+        lines, tried = quantise.run(model, target, arguments, metadata, labels)
     print("\n".join(lines))
     arguments.model = target
     return tried
@@ -171,8 +172,8 @@ def complain(text):
     return 2
 
 
-def main():
-    parser = argparse.ArgumentParser(prog="tools/import", description=__doc__.split("\n")[0])
+def options():
+    parser = command.Parser(prog="tools/import", description=__doc__.split("\n")[0])
     parser.add_argument("model")
     parser.add_argument("pictures", nargs="*", metavar="PICTURE", help="pictures or folders of them, for --quantise")
     parser.add_argument("--quantise", action="store_true", help="the model is of real numbers: quantise it on the pictures first")
@@ -183,12 +184,21 @@ def main():
     parser.add_argument("--recut", metavar="OPERATORS", help="the model is a .fvm file: cut these convolutions anew, by today's table of costs")
     parser.add_argument("--no-fold", action="store_true", help="merge nothing, for finding faults")
     use.add_arguments(parser)
-    arguments = parser.parse_intermixed_args()
+    return parser.parse_intermixed_args()
+
+
+def main():
+    try:
+        arguments = options()
+    except graph_module.ImportProblem as problem:
+        return complain(f"tools/import: {shortened(str(problem))}")
     warnings.simplefilter("ignore", RuntimeWarning)  # numpy's, of scales that a damaged file has; what is wrong is said in one line
     if arguments.pictures and not arguments.quantise:
         return complain(f"{arguments.pictures[0]}: found a second file, expected one model (pictures go with --quantise)")
     if arguments.recut is not None:
         return cut_anew(arguments)
+    if arguments.output is not None and arguments.output.endswith((".tflite", ".onnx")):
+        return complain(f"-o {arguments.output}: found the name of a file to read, expected that of the model file to write, as MODEL.fvm")
     output, tried = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm", None
     try:
         if arguments.quantise:
@@ -225,4 +235,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(command.run(main))

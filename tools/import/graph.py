@@ -216,6 +216,11 @@ def read(path):
         raw = file.read()
     if path.lower().endswith(".onnx"):
         raise ImportProblem("an ONNX file holds real numbers: expected --quantise MODEL.onnx PICTURES, which makes bytes of them")
+    return parse(raw)
+
+
+def parse(raw):
+    """The graph of a file's bytes."""
     if raw[4:8] != b"TFL3":
         raise ImportProblem(f"byte 4: found {raw[4:8]!r}, expected b'TFL3': not a .tflite file")
     try:

@@ -18,6 +18,7 @@ import dense
 import details
 import graph as graph_module
 import planes
+import use
 from graph import ImportProblem
 
 PICTURES = (".bmp", ".jpeg", ".jpg", ".png", ".ppm", ".pgm")
@@ -125,8 +126,19 @@ def prepared(raw):
     signature.inputs, signature.outputs = ([entry(schema, b"%s%d" % (kind, n), t) for n, t in enumerate(ts)]
                                            for kind, ts in ((b"input", graph.inputs), (b"output", graph.outputs)))
     model.signatureDefs = [signature]
+    drop_buffers(model)
     outputs = [[int(n) for n in graph.tensors[t].shape] for t in graph.outputs]
     return bytes(flatbuffer_utils.convert_object_to_bytearray(model)), [int(n) for n in image.shape], outputs
+
+
+def drop_buffers(model):
+    """Bytes that no tensor has any more, as those of half precision or of another form of the weights, would go along into the quantised file."""
+    holders = [t for graph in model.subgraphs for t in graph.tensors] + list(model.metadata or [])
+    used = sorted({0} | {int(holder.buffer) for holder in holders})
+    place = {old: new for new, old in enumerate(used)}
+    for holder in holders:
+        holder.buffer = place[int(holder.buffer)]
+    model.buffers = [model.buffers[old] for old in used]
 
 
 def entry(schema, name, t):
@@ -228,16 +240,31 @@ def has_yolo_head(image, outputs):
     return any(len(shape) == 3 and min(shape[1:]) > 4 and any(n in shape[1:] or 3 * n in shape[1:] for n in cells) for shape in outputs)
 
 
-def habits(options, metadata, image=(), outputs=()):
-    """(fit, mean, scale): as the options (a dictionary) say, else as YOLO networks, known ones of this side and outputs of so many numbers,
-    or most others take their pictures."""
+def decoder_of(data, arguments, metadata, labels):
+    """That which the quantised network is likely to get, None: nothing is certain, as its line will say then. Ranges are not known yet."""
+    if arguments.decoder:
+        return arguments.decoder
+    try:
+        graph = graph_module.parse(data)
+        if arguments.outputs:
+            graph_module.cut(graph, arguments.outputs)
+        labels = labels if arguments.labels is None else use.labels_of(arguments, labels)
+        return choose.choose(choose.Evidence(graph, labels, metadata, arguments))
+    except (ImportProblem, *graph_module.FAULTS):
+        return None
+
+
+def habits(options, metadata, image=(), outputs=(), kind=None):
+    """(fit, mean, scale): as the options (a dictionary) say; else the fit with which the decoder runs, and the range that YOLO networks, known ones
+    of this side and outputs of so many numbers, or most others take."""
     known = any((image[2], int(np.prod(shape))) in details.FRACTIONS for shape in outputs) if len(image) == 4 else False
     yolo = metadata.get("task") or has_yolo_head(image, outputs)
-    ours = ("letterbox", 0.0, 1 / 255) if yolo else ("stretch", 0.0, 1 / 255) if known else ("stretch", 127.5, 1 / 127.5)
+    fit = use.fit_of(kind) if kind not in (None, "none") else "letterbox" if yolo else "stretch"
+    ours = (fit, 0.0, 1 / 255) if yolo or known else (fit, 127.5, 1 / 127.5)
     return tuple(usual if options[key] is None else options[key] for key, usual in zip(("fit", "mean", "scale"), ours))
 
 
-def run(path, target, arguments, metadata):
+def run(path, target, arguments, metadata, labels=()):
     """Write the int8 model to `target`; returns the lines to print, and what average precision needs."""
     with open(path, "rb") as file:
         raw = file.read()
@@ -246,7 +273,7 @@ def run(path, target, arguments, metadata):
     try:
         with quiet():
             data, shape, outputs = prepared(raw)
-            fit, mean, scale = habits(vars(arguments), metadata, shape, outputs)
+            fit, mean, scale = habits(vars(arguments), metadata, shape, outputs, decoder_of(data, arguments, metadata, list(labels)))
             pictures = Pictures(shape, mean, scale, fit == "letterbox", arguments.order)
             files = listed(arguments.pictures)
             values = [pictures.read(p) for p in files]
@@ -259,7 +286,7 @@ def run(path, target, arguments, metadata):
     except Exception as problem:  # whatever the quantiser's libraries raise on a model that they do not take
         raise ImportProblem(f"--quantise: the quantiser gave up: {' '.join(str(problem).split())[:120]}") from problem
     write(path, target, made)
-    arguments.mean, arguments.scale = mean, scale  # which the range that the pictures had does not say
+    arguments.fit, arguments.mean, arguments.scale = fit, mean, scale  # as it was calibrated, so it runs
     low, high = (0 - mean) * scale, (255 - mean) * scale
     where = f"{len(kept)} that it did not see" if kept else "the same ones"
     text = [f"quantised on {len(values) - len(kept)} pictures as {low:.3g} to {high:.3g} ({fit}); losses on {where}", *lines, f"{target}: {len(made)} bytes"]

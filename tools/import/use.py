@@ -24,7 +24,8 @@ def add_arguments(parser):
                         "label files (YOLO's, classes.txt), for average precision")
     parser.add_argument("--colours", metavar="FILE", help="colours of the classes of a segmentation, one a line in their order: #rrggbb or red green blue; "
                         "default: PASCAL VOC's palette")
-    parser.add_argument("--decoder", choices=DECODERS, help="default: the one that outputs, scores and metadata agree on; none: raw outputs only")
+    parser.add_argument("--decoder", choices=DECODERS, metavar="NAME", help="default: the one that outputs, scores and metadata agree on; none: raw outputs "
+                        f"only; others: {', '.join(DECODERS[1:])}")
     parser.add_argument("--outputs", action="append", default=[], metavar="NAME",
                         help="end the network in this tensor, and leave out what only others need; may be given several times")
     parser.add_argument("--state", action="append", default=[], metavar="IN=OUT",
@@ -111,6 +112,11 @@ def named_labels(metadata):
     return [str(table.get(i, "")) for i in range(max(table) + 1)] if table and 0 <= max(table) < LABELS_MAX else []
 
 
+def fit_of(kind):
+    """How a decoder's network sees its pictures, where no option says it."""
+    return "letterbox" if kind.startswith(("yolo", "end2end", "movenet", "blaze")) else "stretch"
+
+
 def chosen(evidence, arguments):
     """The decoder's name, and whether it was chosen here; --check compares outputs, whatever reads them."""
     if arguments.decoder:
@@ -158,7 +164,7 @@ def describe(path, graph, net, arguments):
         labels = labels[:known.classes]
     shape = graph.tensors[graph.inputs[0]].shape
     shape = shape if len(shape) == 4 and max(shape[1:3]) <= SIDE_MAX else (1, 0, 0, 0)
-    fit = arguments.fit or ("letterbox" if kind.startswith(("yolo", "end2end", "movenet", "blaze")) else "stretch")
+    fit = arguments.fit or fit_of(kind)
     order = arguments.order or ("grey" if shape[3] == 1 else "rgb")
     mean, scale = natural_range(graph)
     mean = mean if arguments.mean is None else arguments.mean
