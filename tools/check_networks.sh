@@ -26,9 +26,9 @@ fi
 rm -r "$golden"
 echo "== uses"
 "$python" tests/import/uses.py || failed=1
-"$python" tests/import/segments.py || failed=1
-"$python" tests/import/named.py || failed=1
-"$python" tests/import/command_line.py || failed=1
+for test in segments named inputs command_line; do
+    "$python" "tests/import/$test.py" || failed=1
+done
 echo "== states"
 "$python" tests/import/states.py --rounds "$rounds" || failed=1
 echo "== decoders"

@@ -97,6 +97,12 @@ def print_names(graph):
     return 0
 
 
+def print_notes(figures):
+    """What was taken where the file does not say it."""
+    for note in figures["graph"].notes:
+        print(note)
+
+
 def kernel_sets():
     """Those that a processor of this kind may have."""
     return ["c", "sse4", "avx2", "avxvnni", "avx512"] if platform.machine() == "x86_64" else ["c", "neon", "dotprod", "i8mm"]
@@ -215,6 +221,7 @@ def main():
     if figures is None:
         return print_names(data)
     print_operators(figures["graph"])
+    print_notes(figures)
     if figures["decoder"]:
         print(f"decoder {figures['decoder']}" + ("" if figures["tried"] else "; not tried on pictures: `make` builds what runs them"))
     print(f"steps {figures['steps']}, multiply-accumulates {figures['macs'] / 1e6:.1f} million, constants "

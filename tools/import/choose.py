@@ -11,6 +11,7 @@ from graph import ImportProblem, REFUSAL_MAX, origin
 
 LABELS_MAX = 4096  # what the loader takes
 BOXES_MOST = 2.0  # of boxes in shares of the picture, which may reach beyond it
+BOXES_LEAST = 0.75  # of the same: where the last cells have their centres, and more
 BACKGROUND = ("background", "???", "_background_", "none")
 STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
 TASKS = {"detect": ("yolov5", "yolov8", "yolox", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end", "movenet"),
@@ -61,7 +62,13 @@ def yolo(e, rows, n, per_cell, name):
     most = e.range_of(e.outs[0])[1]
     if (name == "yolov8" or per_cell > 1) and BOXES_MOST < most < np.inf:  # YOLOX has boxes in cells
         return f"has boxes as shares of the picture, found numbers to {most:.3g}, whose steps lose the scores"
-    return labelled(e, rows - first)
+    return short(e, e.outs[0], name) or labelled(e, rows - first)
+
+
+def short(e, tensor, name):
+    """Boxes of all cells reach over the whole picture, whatever is on it: a range that ends before has lost those beyond."""
+    most = e.range_of(tensor)[1]
+    return f"has boxes over the whole picture, found numbers to {most:.3g}" if name != "yolox" and most < BOXES_LEAST else None
 
 
 def labelled(e, classes):
@@ -167,7 +174,7 @@ def several(e):
         return {"blaze": blaze(e)}
     if details.prototypes(e):
         boxes = details.prototypes(e)[0]
-        return {"yolov8_seg": details.seg_fault(e, e.arguments) or labelled(e, details.rows_of(e, boxes)[1])}
+        return {"yolov8_seg": details.seg_fault(e, e.arguments) or short(e, e.outs[boxes], "yolov8_seg") or labelled(e, details.rows_of(e, boxes)[1])}
     if len(e.image) == 4 and len(e.outs) <= 5 and any(int(np.prod(t.shape)) >= 20 for t in e.outs) and \
             details.landmark_outputs(e, 0)[1]:
         return {"landmarks": landmarks(e)}
@@ -196,8 +203,8 @@ def candidates(e):
     elif len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
         found["yolov8"] = yolo(e, shape[1], shape[2], 1, "yolov8")
         if found["yolov8"] and shape[2] in e.cells() and len(e.outs) == 1:
-            found["yolov8_obb"] = details.obb_fault(e, e.arguments) or labelled(e, shape[1] - 5)
-            found["yolov8_pose"] = details.pose_fault(e, e.arguments) or labelled(e, details.rows_of(e)[1])
+            found["yolov8_obb"] = details.obb_fault(e, e.arguments) or short(e, e.outs[0], "yolov8_obb") or labelled(e, shape[1] - 5)
+            found["yolov8_pose"] = details.pose_fault(e, e.arguments) or short(e, e.outs[0], "yolov8_pose") or labelled(e, details.rows_of(e)[1])
     elif len(shape) == 3 and shape[2] >= 6 and shape[1] in (100, 300):
         found["end2end"] = end2end(e)
     elif len(shape) == 3 and shape[2] > 5:
@@ -277,7 +284,7 @@ def hold(e, name):
     other = {"yolov5": "yolov8", "yolov8": "yolov5"}.get(name)
     if other and candidates(e).get(other, "no") is None:
         raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e, 2)}, which {other} reads: expected --decoder {other}, or none")
-    hold_labels(e, name)
+    hold_heads(e, name)
     if name not in ("classifier", "fomo", "ssd_raw"):
         return
     tensors = sorted(e.graph.outputs, key=lambda t: e.graph.tensors[t].shape[-1:] != (4,))
@@ -288,12 +295,14 @@ def hold(e, name):
                             "SOFTMAX or LOGISTIC), or none")
 
 
-def hold_labels(e, name):
-    """Of heads whose classes lie between other numbers: labels say where they end."""
-    if name not in ("yolov8_pose", "yolov8_obb", "yolov8_seg"):
+def hold_heads(e, name):
+    """Boxes reach over the picture; and of heads whose classes lie between other numbers, labels say where they end."""
+    if name not in ("yolov5", "yolov8", "yolov8_pose", "yolov8_obb", "yolov8_seg"):
         return
-    known = details.of(name, e, e.arguments)
-    fault = labelled(e, known.classes)
+    pair = details.prototypes(e) if name == "yolov8_seg" else None
+    fault = short(e, e.outs[pair[0] if pair else 0], name)
+    if fault is None and name.startswith("yolov8_"):
+        fault = labelled(e, details.of(name, e, e.arguments).classes)
     if fault:
         raise ImportProblem(f"--decoder {name}: it {fault}: expected another decoder, or none")
 

@@ -90,6 +90,7 @@ class Graph:
     metadata: dict
     states: list = field(default_factory=list)  # (input, tensor that it is in the next run)
     unseen: list = field(default_factory=list)  # outputs that are there for states alone
+    notes: list = field(default_factory=list)  # lines for the user
 
 
 def _options(op):

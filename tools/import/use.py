@@ -7,6 +7,7 @@ import numpy as np
 
 import choose
 import details
+import ranges
 import segment
 from choose import LABELS_MAX
 from graph import ImportProblem, origin
@@ -166,9 +167,7 @@ def describe(path, graph, net, arguments):
     shape = shape if len(shape) == 4 and max(shape[1:3]) <= SIDE_MAX else (1, 0, 0, 0)
     fit = arguments.fit or fit_of(kind)
     order = arguments.order or ("grey" if shape[3] == 1 else "rgb")
-    mean, scale = natural_range(graph)
-    mean = mean if arguments.mean is None else arguments.mean
-    scale = scale if arguments.scale is None else arguments.scale
+    mean, scale = ranges.settled(graph, arguments, kind)
     for name, value in (("--mean", mean), ("--scale", scale)):
         if not abs(value) <= 1e6 or name == "--scale" and value == 0:
             raise ImportProblem(f"{name}: found {value}, expected a number up to 1e6" + (", and not 0" if value == 0 else ""))
@@ -177,25 +176,6 @@ def describe(path, graph, net, arguments):
                   *[bits(scale)] * 3, 114]
     trial = (kind, mean, scale, is_share(kind, graph, known), known, is_chosen)
     return (labels, preprocess, decoder_words(kind, graph, net, labels, arguments, known)), trial
-
-
-def natural_range(graph):
-    """8-bit inputs: the mean and scale for which the quantised value is the pixel itself (images as bytes); real ones that are
-    quantised first: the range of that, which is 0 to 1, -1 to 1 or 0 to 255 but for what calibration missed of it."""
-    t = graph.inputs[0]
-    tensor = graph.tensors[t]
-    if tensor.type == "FLOAT32":
-        readers = [op for op in graph.ops if t in op.inputs]
-        if len(readers) != 1 or readers[0].name != "QUANTIZE":
-            return 127.5, 1 / 127.5
-        tensor = graph.tensors[readers[0].outputs[0]]
-        low, high = (float(tensor.scale0) * (v - tensor.zero_u8) for v in (0, 255))
-        for a, b in ((0, 1), (-1, 1), (0, 255)):
-            if abs(low - a) + abs(high - b) < 0.05 * (b - a):
-                return 255 * a / (a - b), (b - a) / 255
-    if tensor.is8 and float(tensor.scale0) > 0:
-        return float(tensor.zero_u8), float(tensor.scale0)
-    return 127.5, 1 / 127.5
 
 
 def numbers(text, what, low=-1e6, high=1e6):
