@@ -8,7 +8,7 @@
 #include "nn/conv.h"
 
 enum {
-    BLOCK = 48,        /* floats of 16 channels */
+    BLOCK = 32,        /* floats of 16 channels */
     FACTORS = 7,       /* that are tried */
     RESULTS_MAX = 256, /* of one byte */
     BLOCKS_MAX = 16384 /* of a model: a quarter of a million channels, a second */
@@ -16,23 +16,24 @@ enum {
 
 /* ---- one channel ----------------------------------------------------------------------------- */
 
-/* Where the results rise: the first of each result's sums, as the kernels convert it to float32,
- * and the one before. */
+/* Where the results grow away from zero: the sum nearest to zero of each result, as the kernels
+ * convert it to float32, and the one before; all without their signs. */
 struct rises {
     int32_t count;
     double to[RESULTS_MAX], at[RESULTS_MAX], before[RESULTS_MAX];
 };
 
-/* What the offset of sums on one side of zero must be at least, and below. */
+/* What the offset must be at least, and below. */
 struct bounds {
     double least, below;
 };
 
-/* The float32 that is not above a sum. */
-static double round_sum_down(int64_t sum)
+/* The sum's size as the float32 that is not above it. */
+static double round_sum(int64_t sum)
 {
-    float x = (float)sum;
-    if ((double)x > (double)sum) x = fv_float_step(x, sum < 0 ? 1 : -1);
+    const int64_t size = sum < 0 ? -sum : sum;
+    float x = (float)size;
+    if ((double)x > (double)size) x = fv_float_step(x, -1);
     return (double)x;
 }
 
@@ -54,6 +55,11 @@ static int64_t find_rise(const struct fv_nn_real_channel *c, int32_t to, double 
     return sum;
 }
 
+static bool has_sum(const struct fv_nn_real_channel *c, int64_t sum)
+{
+    return sum >= c->least && sum <= c->most;
+}
+
 static void find_rises(const struct fv_nn_real_channel *c, struct rises *r)
 {
     const double power = (double)(INT64_C(1) << (30 - c->shift)), m = (double)c->multiplier,
@@ -65,48 +71,45 @@ static void find_rises(const struct fv_nn_real_channel *c, struct rises *r)
     r->count = 0;
     for (int32_t to = first; to <= last && r->count < RESULTS_MAX; to++) {
         const int64_t rise = find_rise(c, to, each * to + (to > 0 ? up : down));
-        r->to[r->count] = to;
-        r->at[r->count] = rise <= c->most ? round_sum_down(rise) : INFINITY;
-        r->before[r->count++] = rise > c->least ? round_sum_down(rise - 1) : -INFINITY;
+        const int64_t at = to > 0 ? rise : rise - 1, before = to > 0 ? rise - 1 : rise;
+        const bool is_same_side = to > 0 ? before >= 0 : before <= 0;
+        r->to[r->count] = to > 0 ? to : 1 - to;
+        r->at[r->count] = has_sum(c, at) ? round_sum(at) : INFINITY;
+        r->before[r->count++] = has_sum(c, before) && is_same_side ? round_sum(before) : -INFINITY;
     }
 }
 
-static void find_bounds(const struct fv_nn_real_channel *c, const struct rises *r, double factor,
-                        struct bounds bounds[2])
+static struct bounds find_bounds(const struct rises *r, double factor)
 {
     const double margin = 0x1p-40; /* above what double may err by */
-    bounds[0] = bounds[1] = (struct bounds){-INFINITY, INFINITY};
+    struct bounds b = {0.0, 1.0};
     for (int32_t i = 0; i < r->count; i++) {
-        struct bounds *up = &bounds[!c->above && r->at[i] < 0],
-                      *down = &bounds[!c->above && r->before[i] < 0];
         const double least = r->to[i] - r->at[i] * factor + margin,
                      below = r->to[i] - r->before[i] * factor - margin;
-        if (least > up->least) up->least = least;
-        if (below < down->below) down->below = below;
+        if (least > b.least) b.least = least;
+        if (below < b.below) b.below = below;
     }
+    return b;
 }
 
-/* A float32 between the bounds: a half, or what is in their middle within 0 and 1, since it is a
- * half and at most a quarter. */
+/* A float32 between the bounds: a half, or what is in their middle. */
 static bool choose(struct bounds b, float *offset)
 {
-    const double least = b.least > 0.0 ? b.least : 0.0, below = b.below < 1.0 ? b.below : 1.0;
-    *offset = b.least <= 0.5 && 0.5 < b.below ? 0.5F : (float)(least + (below - least) / 2);
+    *offset = b.least <= 0.5 && 0.5 < b.below ? 0.5F : (float)(b.least + (b.below - b.least) / 2);
     return (double)*offset >= b.least && (double)*offset < b.below;
 }
 
 /* A factor so small that its product with any sum is less than the offset. */
-static bool give_zero(float found[3])
+static bool give_zero(float found[2])
 {
     found[0] = 0x1p-40f;
-    found[1] = found[2] = 0.5f;
+    found[1] = 0.5f;
     return true;
 }
 
-bool fv_nn_real_find(const struct fv_nn_real_channel *c, float found[3])
+bool fv_nn_real_find(const struct fv_nn_real_channel *c, float found[2])
 {
     struct rises rises;
-    struct bounds bounds[2];
     if (c->multiplier == 0) return give_zero(found);
     if (c->multiplier < 1 << 30 || c->shift >= 0 || c->shift < -31 || c->least < INT32_MIN ||
         c->most > INT32_MAX || c->least > c->most)
@@ -116,10 +119,7 @@ bool fv_nn_real_find(const struct fv_nn_real_channel *c, float found[3])
         (float)((double)c->multiplier * 0x1p-31 / (double)(INT64_C(1) << -c->shift));
     for (int i = 0; i < FACTORS; i++) { /* the nearest one, then those on both sides by turns */
         found[0] = fv_float_step(nearest, i % 2 != 0 ? (i + 1) / 2 : -i / 2);
-        find_bounds(c, &rises, (double)found[0], bounds);
-        if (choose(bounds[0], &found[1]) && choose(bounds[1], &found[2]) &&
-            (double)found[2] - (double)found[0] <= (double)found[1])
-            return true;
+        if (choose(find_bounds(&rises, (double)found[0]), &found[1])) return true;
     }
     return false;
 }
@@ -145,18 +145,17 @@ static void add_weight(struct reach *reach, int32_t weight)
         reach->most += 255 * (int64_t)weight;
 }
 
-/* 16 channels from `first` on: factors, and `pitch` floats apart the offsets. Where one of them has
- * no factor none has. */
+/* 16 channels from `first` on: factors, and `pitch` floats further the offsets. Where one of them
+ * has no factor none has. */
 static void fill_block(const struct layer *l, int32_t first, const struct reach reach[16],
                        float *real, ptrdiff_t pitch)
 {
     const int32_t end = l->channels - first < 16 ? l->channels - first : 16;
     for (int32_t i = 0; i < 16; i++) {
         const int32_t at = first + i;
-        float found[3] = {0};
+        float found[2] = {0};
         struct fv_nn_real_channel c = {.first = l->act_min + 1 - l->zero_out,
-                                       .last = l->act_max - l->zero_out,
-                                       .above = l->act_min >= l->zero_out};
+                                       .last = l->act_max - l->zero_out};
         if (i < end) {
             c.multiplier = l->multiplier[at];
             c.shift = l->shift[at];
@@ -167,7 +166,7 @@ static void fill_block(const struct layer *l, int32_t first, const struct reach 
             memset(real, 0, 16 * sizeof *real);
             return;
         }
-        for (int32_t part = 0; part < 3; part++)
+        for (int32_t part = 0; part < 2; part++)
             real[part * pitch + i] = found[part];
     }
 }
@@ -190,7 +189,7 @@ void fv_nn_real_gemm(const struct fv_nn_gemm *g, float *real)
                     add_weight(&reach[c], *w + (k + i < g->k ? g->row_sum_factor : 0));
             }
         }
-        fill_block(&layer, first, reach, real + (ptrdiff_t)first * 3, 16);
+        fill_block(&layer, first, reach, real + (ptrdiff_t)first * 2, 16);
     }
 }
 

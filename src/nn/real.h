@@ -1,13 +1,13 @@
-/* Rounding by real numbers that gives the bytes of fv_nn_requantize, for kernels that round down
- * both a product of float32 plus an offset and its conversion: floor(sum factor + offset) takes
- * three steps for 16 sums with AVX-512, the exact product of 64 bits seven to eleven.
+/* Rounding by real numbers that gives the bytes of fv_nn_requantize, for kernels that round towards
+ * zero both a product of float32 plus an offset and its conversion: the integer part of sum factor
+ * + offset takes three or four steps for 16 sums with AVX-512, the exact product of 64 bits seven
+ * to eleven.
  *
  * Both ways never fall as the sum rises. So they give the same bytes for all sums that a channel
  * can have, if they do at the 255 sums at most where the exact way comes to a byte, and at the sums
  * just below. For a factor next to the exact one these sums bound the offset from both sides; where
- * there is a float32 between the bounds, the channel is rounded so, else exactly. As the exact way
- * rounds halves away from zero, in two stages, sums below zero have an offset of their own, but for
- * channels whose results are clamped to the zero point or above.
+ * there is a float32 between the bounds, the channel is rounded so, else exactly. Sums below zero
+ * have the same offset with their sign, since the exact way rounds halves away from zero.
  *
  * Filled when a network is set up, within its memory; takes some microseconds a channel. Init-only,
  * but for fv_nn_real_of. */
@@ -31,14 +31,13 @@ extern "C" {
 struct fv_nn_real_channel {
     int32_t multiplier, shift;
     int32_t first, last; /* results that differ from the least one */
-    bool above;          /* the least is not below zero */
     int64_t least, most;
 };
 
-/* The factor and the offsets of sums from zero on and of those below. False: there are none. */
-bool fv_nn_real_find(const struct fv_nn_real_channel *channel, float found[3]);
+/* The factor and the offset. False: there are none. */
+bool fv_nn_real_find(const struct fv_nn_real_channel *channel, float found[2]);
 
-/* Those of all channels, as `real` of the contract has them: 3 floats for each of n rounded up to
+/* Those of all channels, as `real` of the contract has them: 2 floats for each of n rounded up to
  * 16. */
 void fv_nn_real_gemm(const struct fv_nn_gemm *gemm, float *real);
 void fv_nn_real_depthwise(const struct fv_nn_depthwise *depthwise, float *real);

@@ -311,7 +311,7 @@ static struct fv_nn_depthwise draw_depthwise(struct check *check, bool usual)
     d.zero_in = check_between(check, 0, 255);
     check_draw_range(check, &d.zero_out, &d.act_min, &d.act_max);
     if (check_between(check, 0, 1)) {
-        float *real = check_buffer(check, (size_t)d.c16 * 3 * sizeof *real, 64, 0);
+        float *real = check_buffer(check, (size_t)d.c16 * 2 * sizeof *real, 64, 0);
         fv_nn_real_depthwise(&d, real);
         d.real = real;
     }

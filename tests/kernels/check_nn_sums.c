@@ -11,7 +11,7 @@ enum { SLACK = 64, ROWS = 256 };
 void check_draw_real(struct check *check, struct fv_nn_gemm *g)
 {
     const size_t n16 = (size_t)(g->n + 15) / 16 * 16;
-    float *real = check_buffer(check, n16 * 3 * sizeof *real, 64, 0);
+    float *real = check_buffer(check, n16 * 2 * sizeof *real, 64, 0);
     if (check_between(check, 0, 1) == 0) return;
     fv_nn_real_gemm(g, real);
     g->real = real;
@@ -114,7 +114,7 @@ void check_hard_sums(struct check *check, fv_k_nn_gemm_u8_fn *reference,
     }
     g.zero_out = 128;
     g.act_max = 255;
-    float *real = check_buffer(check, (size_t)CHANNELS * 3 * sizeof *real, 64, 0);
+    float *real = check_buffer(check, (size_t)CHANNELS * 2 * sizeof *real, 64, 0);
     fv_nn_real_gemm(&g, real);
     g.real = real;
     compare_sums(check, "hard sums", &g, reference, variant);

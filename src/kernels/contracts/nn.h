@@ -22,11 +22,11 @@ struct fv_nn_gemm {
     const float *real;      /* by 16 channels, or NULL: see below; 64-byte aligned */
 };
 
-/* A second way to the same results, which a variant may take: for each 16 channels 16 factors, 16
- * offsets of sums from zero on and 16 of those below, such that floor(sum factor + offset), with
- * sum and product rounded down to float32, gives the same bytes as requantize (nn/real.h). Where
- * the first factor is 0 these 16 channels have none. Where act_min >= zero_out the offset of sums
- * from zero on serves all. */
+/* A second way to the same results, which a variant may take: for each 16 channels 16 factors and
+ * 16 offsets, such that sum factor + offset, where the offset has the sum's sign, gives the same
+ * bytes as requantize once its fraction is cut off (nn/real.h). The sum as float32 and the product
+ * plus the offset are rounded towards zero. Where the first factor is 0 these 16 channels have
+ * none. Where act_min >= zero_out the offset's sign does not matter. */
 
 /* out[i ldo + c] = table[clamp(requantize(bias[c] + sum_k a[i lda + k] w[c][k] + factor sum_k a[i
  * lda + k]) + zero)] for i < m, c < n. Reads a row's bytes up to 4 k4 rounded up to 64; writes
@@ -66,7 +66,7 @@ struct fv_nn_depthwise {
     const int32_t *bias, *multiplier, *shift; /* c16 each */
     const uint8_t *table;
     int32_t zero_in, zero_out, act_min, act_max; /* outside the image the input is zero_in */
-    const float *real; /* as of struct fv_nn_gemm, but c16 factors, then c16 of both offsets */
+    const float *real; /* as of struct fv_nn_gemm, but c16 factors, then c16 offsets */
 };
 
 /* Output rows [begin, end). `in` is the image's first pixel, `out` that of row `begin`. `scratch`:

@@ -44,7 +44,7 @@ FV_INLINE __m512i sum64(const struct sum_job *j, __m512i a, __m512i b, const int
                                              term(bi, j->zero_b, &j->b, half_b));
         r[i] = requantize(sum, &j->out, 0);
     }
-    return _mm512_permutexvar_epi32(order, pack_lanes(r[0], r[1], r[2], r[3], &j->clamp));
+    return _mm512_permutexvar_epi32(order, pack_lanes(r[0], r[1], r[2], r[3], &j->clamp, 0));
 }
 
 /* Of m_in and m_out the factor of an input with `bits` bits of fraction, rounded; `inexact`: half a

@@ -47,17 +47,17 @@ FV_INLINE void load_scale(struct scale16 *s, const int32_t *multiplier, const in
     load_scale_of(s, _mm512_loadu_si512(multiplier), _mm512_loadu_si512(shift));
 }
 
-/* `above_zero`: results below zero will be clamped to zero anyway, so the rounding of negative ones
- * does not matter. */
-FV_INLINE __m512i requantize(__m512i acc, const struct scale16 *s, const int above_zero)
+/* `from_zero`: the zero point is 0. Results below zero will be clamped to zero, so the rounding of
+ * negative ones does not matter. */
+FV_INLINE __m512i requantize(__m512i acc, const struct scale16 *s, const int from_zero)
 {
     __m512i even = _mm512_mul_epi32(acc, s->multiplier);
     __m512i odd = _mm512_mul_epi32(_mm512_srli_epi64(acc, 32), s->multiplier_odd);
-    const __mmask8 even_negative = above_zero ? 0 : _mm512_movepi64_mask(even);
-    const __mmask8 odd_negative = above_zero ? 0 : _mm512_movepi64_mask(odd);
+    const __mmask8 even_negative = from_zero ? 0 : _mm512_movepi64_mask(even);
+    const __mmask8 odd_negative = from_zero ? 0 : _mm512_movepi64_mask(odd);
     even = _mm512_add_epi64(even, s->half_even);
     odd = _mm512_add_epi64(odd, s->half_odd);
-    if (!above_zero) {
+    if (!from_zero) {
         even = _mm512_mask_sub_epi64(even, even_negative, even, s->fix_even);
         odd = _mm512_mask_sub_epi64(odd, odd_negative, odd, s->fix_odd);
     }
@@ -102,11 +102,11 @@ static inline int all_down(const int32_t *multiplier, const int32_t *shift, int3
     return up == 0;
 }
 
-FV_INLINE __m512i requantize_down(__m512i acc, const struct down16 *s, const int above_zero)
+FV_INLINE __m512i requantize_down(__m512i acc, const struct down16 *s, const int from_zero)
 {
     __m512i even = _mm512_mul_epi32(acc, s->multiplier);
     __m512i odd = _mm512_mul_epi32(_mm512_srli_epi64(acc, 32), s->multiplier_odd);
-    if (!above_zero) {
+    if (!from_zero) {
         const __m512i fix = _mm512_set1_epi64(INT64_C(1) << 31);
         const __mmask8 even_negative = _mm512_movepi64_mask(even),
                        odd_negative = _mm512_movepi64_mask(odd);
@@ -120,16 +120,23 @@ FV_INLINE __m512i requantize_down(__m512i acc, const struct down16 *s, const int
 
 /* 16 channels that are rounded by real numbers (contracts/nn.h). */
 struct real16 {
-    __m512 factor, above, below;
+    __m512 factor, offset;
 };
 
-FV_INLINE __m512i requantize_real(__m512i acc, const struct real16 *s, const int above_zero)
+/* A positive number with the sign of an integer. */
+FV_INLINE __m512 with_sign(__m512 value, __m512i of)
 {
-    enum { DOWN = _MM_FROUND_TO_NEG_INF | _MM_FROUND_NO_EXC };
-    const __m512 x = _mm512_cvt_roundepi32_ps(acc, DOWN);
-    const __m512 offset =
-        above_zero ? s->above : _mm512_mask_mov_ps(s->above, _mm512_movepi32_mask(acc), s->below);
-    return _mm512_cvt_roundps_epi32(_mm512_fmadd_round_ps(x, s->factor, offset, DOWN), DOWN);
+    enum { FIRST_OR_BOTH = 0xF8 }; /* a | (b & c) */
+    return _mm512_castsi512_ps(_mm512_ternarylogic_epi32(
+        _mm512_castps_si512(value), of, _mm512_set1_epi32(INT32_MIN), FIRST_OR_BOTH));
+}
+
+FV_INLINE __m512i requantize_real(__m512i acc, const struct real16 *s, const int from_zero)
+{
+    enum { CUT = _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC };
+    const __m512 x = _mm512_cvt_roundepi32_ps(acc, CUT);
+    const __m512 offset = from_zero ? s->offset : with_sign(s->offset, acc);
+    return _mm512_cvt_roundps_epi32(_mm512_fmadd_round_ps(x, s->factor, offset, CUT), CUT);
 }
 
 /* How results become bytes. */
@@ -145,11 +152,15 @@ static inline struct clamp64 clamp_of(int32_t zero, int32_t low, int32_t high)
 }
 
 /* Lanes of 4 x 16 results to 64 bytes per 128-bit lane: [a b c d] of that lane, moved by the zero
- * point and clamped. */
-FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, const struct clamp64 *to)
+ * point, which is 0 if `from_zero`, and clamped. */
+FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, const struct clamp64 *to,
+                             const int from_zero)
 {
-    const __m512i ab = _mm512_adds_epi16(_mm512_packs_epi32(a, b), to->zero);
-    const __m512i cd = _mm512_adds_epi16(_mm512_packs_epi32(c, d), to->zero);
+    __m512i ab = _mm512_packs_epi32(a, b), cd = _mm512_packs_epi32(c, d);
+    if (!from_zero) {
+        ab = _mm512_adds_epi16(ab, to->zero);
+        cd = _mm512_adds_epi16(cd, to->zero);
+    }
     __m512i bytes = _mm512_packus_epi16(ab, cd);
     if (to->is_cut) bytes = _mm512_min_epu8(_mm512_max_epu8(bytes, to->low), to->high);
     return bytes;

@@ -67,7 +67,7 @@ static inline void interleave_columns(const struct fv_nn_depthwise *d, const uin
 
 FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
                              const uint8_t *scratch, int32_t columns, int32_t outputs, uint8_t *out,
-                             const int KW, const int GROUPS, const int PLANES, const int above)
+                             const int KW, const int GROUPS, const int PLANES, const int from_zero)
 {
     const int STEPS = PLANES * GROUPS * KW;
     const ptrdiff_t step = (ptrdiff_t)d->stride_x * 256, out_step = d->out_stride;
@@ -86,13 +86,13 @@ FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise
                 acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(scratch + at[s] + 64 * q),
                                              weights_of(&h, l, s, q, STEPS));
         }
-        _mm512_mask_storeu_epi8(out, mask, finish(h.real, l, d, acc, above));
+        _mm512_mask_storeu_epi8(out, mask, finish(h.real, l, d, acc, from_zero));
     }
 }
 
 static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise *d,
                              const uint8_t *in, uint8_t *out, int32_t y, uint8_t *scratch,
-                             int above)
+                             int from_zero)
 {
     const int32_t span = span_of(d), groups = (d->kh + 3) / 4;
     const int32_t most = span > COLUMNS_MAX ? 1 : (COLUMNS_MAX - span) / d->stride_x + 1;
@@ -102,15 +102,15 @@ static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise
         interleave_columns(d, in, y, x * d->stride_x - d->pad_left, columns, l->mask, scratch);
         uint8_t *to = out + (ptrdiff_t)x * d->out_stride;
         const int small = d->kw == 3 && groups == 1, large = d->kw == 5 && groups == 2;
-        if (large && d->planes == 1 && above)
+        if (large && d->planes == 1 && from_zero)
             block_outputs(l, d, scratch, columns, count, to, 5, 2, 1, 1);
         else if (large && d->planes == 1)
             block_outputs(l, d, scratch, columns, count, to, 5, 2, 1, 0);
-        else if (small && d->planes == 1 && above)
+        else if (small && d->planes == 1 && from_zero)
             block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 1);
         else if (small && d->planes == 1)
             block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 0);
-        else if (small && d->planes == 2 && above)
+        else if (small && d->planes == 2 && from_zero)
             block_outputs(l, d, scratch, columns, count, to, 3, 1, 2, 1);
         else
             block_outputs(l, d, scratch, columns, count, to, d->kw, groups, d->planes, 0);
@@ -119,7 +119,8 @@ static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise
 
 /* The first `channels` channels. */
 static inline void by_blocks(const struct fv_nn_depthwise *d, int32_t channels, const uint8_t *in,
-                             uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch, int above)
+                             uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch,
+                             int from_zero)
 {
     struct lanes l;
     for (int32_t c = 0; c < channels; c += 64) {
@@ -127,7 +128,7 @@ static inline void by_blocks(const struct fv_nn_depthwise *d, int32_t channels, 
         l.mask = first_bytes(channels - c);
         for (int32_t y = begin; y < end; y++) {
             block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y,
-                      scratch, above);
+                      scratch, from_zero);
         }
     }
 }
@@ -316,7 +317,7 @@ FV_INLINE void store_pixels(const struct fv_nn_depthwise *d, uint8_t *out, int32
 FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
                             const uint8_t *const rows[4], ptrdiff_t part, int32_t j, int32_t step,
                             int32_t total, uint8_t *out, const int KH, const int KW,
-                            const int PLANES, const int above)
+                            const int PLANES, const int from_zero)
 {
     const __m512i none = _mm512_setzero_si512();
     ptrdiff_t columns[STEPS_MAX];
@@ -343,12 +344,12 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
                                                  weights_of(&h, l, p * KW + kx, q, PLANES * KW));
             }
         }
-        store_pixels(d, out, j, total, finish(h.real, l, d, acc, above));
+        store_pixels(d, out, j, total, finish(h.real, l, d, acc, from_zero));
     }
 }
 
 static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
-                                int32_t begin, int32_t end, uint8_t *scratch, int above)
+                                int32_t begin, int32_t end, uint8_t *scratch, int from_zero)
 {
     const int32_t phases = phases_of(d), total = d->out_w * d->channels;
     const ptrdiff_t part = flat_part(d), pitch = part * d->stride_x;
@@ -370,11 +371,11 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
         for (int32_t p = 0; p < phases && p * 64 < total; p++) {
             const struct lanes *l = &lanes[p];
             const int32_t step = phases * 64;
-            if (small && d->planes == 1 && above)
+            if (small && d->planes == 1 && from_zero)
                 flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, 1, 1);
             else if (small && d->planes == 1)
                 flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, 1, 0);
-            else if (small && above)
+            else if (small && from_zero)
                 flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, d->planes, 1);
             else
                 flat_outputs(l, d, rows, part, p * 64, step, total, out, d->kh, d->kw, d->planes,
@@ -399,15 +400,15 @@ static inline struct fv_nn_depthwise last_channels(const struct fv_nn_depthwise 
 /* Whole blocks, and what is left, a quarter or half of one, as flat rows. */
 static inline void by_blocks_and_rows(const struct fv_nn_depthwise *d, const uint8_t *in,
                                       uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch,
-                                      int above)
+                                      int from_zero)
 {
     const int32_t first = d->channels / 64 * 64;
     const struct fv_nn_depthwise last = last_channels(d, first);
     if (first > 0 && (last.channels == 16 || last.channels == 32) && flat_fits(&last)) {
-        by_blocks(d, first, in, out, begin, end, scratch, above);
-        by_flat_rows(&last, in + first, out + first, begin, end, scratch, above);
+        by_blocks(d, first, in, out, begin, end, scratch, from_zero);
+        by_flat_rows(&last, in + first, out + first, begin, end, scratch, from_zero);
     } else {
-        by_blocks(d, d->channels, in, out, begin, end, scratch, above);
+        by_blocks(d, d->channels, in, out, begin, end, scratch, from_zero);
     }
 }
 
@@ -466,7 +467,7 @@ static inline void fill_streams(const struct fv_nn_depthwise *d, const uint8_t *
 FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
                               const uint8_t *streams, ptrdiff_t pitch, int32_t j, int32_t step,
                               int32_t total, uint8_t *out, const int KW, const int GROUPS,
-                              const int PLANES, const int above)
+                              const int PLANES, const int from_zero)
 {
     struct held h;
     hold(&h, l, PLANES * GROUPS * KW);
@@ -487,25 +488,25 @@ FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwis
             }
         }
         const __mmask64 mask = first_bytes(total - j);
-        _mm512_mask_storeu_epi8(out + j, mask, finish(h.real, l, d, acc, above));
+        _mm512_mask_storeu_epi8(out + j, mask, finish(h.real, l, d, acc, from_zero));
     }
 }
 
 /* Functions of their own, so that each has the registers that it needs. */
-#define STREAMS(name, kw, groups, above)                                                           \
+#define STREAMS(name, kw, groups, from_zero)                                                       \
     static __attribute__((noinline)) void name(                                                    \
         const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *streams,            \
         ptrdiff_t pitch, int32_t j, int32_t step, int32_t total, uint8_t *out)                     \
     {                                                                                              \
-        stream_outputs(l, d, streams, pitch, j, step, total, out, kw, groups, 1, above);           \
+        stream_outputs(l, d, streams, pitch, j, step, total, out, kw, groups, 1, from_zero);       \
     }
-STREAMS(streams_3x3_above, 3, 1, 1)
+STREAMS(streams_3x3_from_zero, 3, 1, 1)
 STREAMS(streams_3x3, 3, 1, 0)
-STREAMS(streams_5x5_above, 5, 2, 1)
+STREAMS(streams_5x5_from_zero, 5, 2, 1)
 STREAMS(streams_5x5, 5, 2, 0)
 
 static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
-                              int32_t begin, int32_t end, uint8_t *streams, int above)
+                              int32_t begin, int32_t end, uint8_t *streams, int from_zero)
 {
     const int32_t phases = phases_of(d), total = d->out_w * d->channels, step = phases * 64;
     const int32_t groups = (d->kh + 3) / 4;
@@ -520,11 +521,11 @@ static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in
         for (int32_t p = 0; p < phases && p * 64 < total; p++) {
             const struct lanes *l = &lanes[p];
             if (small)
-                (above ? streams_3x3_above : streams_3x3)(l, d, streams, pitch, p * 64, step, total,
-                                                          out);
+                (from_zero ? streams_3x3_from_zero : streams_3x3)(l, d, streams, pitch, p * 64,
+                                                                  step, total, out);
             else if (large)
-                (above ? streams_5x5_above : streams_5x5)(l, d, streams, pitch, p * 64, step, total,
-                                                          out);
+                (from_zero ? streams_5x5_from_zero : streams_5x5)(l, d, streams, pitch, p * 64,
+                                                                  step, total, out);
             else
                 stream_outputs(l, d, streams, pitch, p * 64, step, total, out, d->kw, groups,
                                d->planes, 0);
@@ -535,13 +536,13 @@ static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in
 static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
                              int32_t begin, int32_t end, uint8_t *scratch)
 {
-    const int above = d->act_min >= d->zero_out;
+    const int from_zero = d->zero_out == 0;
     if (streams_fit(d))
-        by_streams(d, in, out, begin, end, scratch, above);
+        by_streams(d, in, out, begin, end, scratch, from_zero);
     else if (flat_fits(d))
-        by_flat_rows(d, in, out, begin, end, scratch, above);
+        by_flat_rows(d, in, out, begin, end, scratch, from_zero);
     else if (d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX)
-        by_blocks_and_rows(d, in, out, begin, end, scratch, above);
+        by_blocks_and_rows(d, in, out, begin, end, scratch, from_zero);
     else
         fv_k_nn_depthwise_u8__avx2(d, in, out, begin, end, scratch);
 }

@@ -87,16 +87,15 @@ static inline int load_real(struct real16 to[4], const struct fv_nn_depthwise *d
                             int32_t period)
 {
     int32_t words[64];
-    __m512i part[3][4];
-    for (int i = 0; i < 3; i++) {
+    __m512i part[2][4];
+    for (int i = 0; i < 2; i++) {
         transpose_words(spread_words(words, d->real + (ptrdiff_t)i * d->c16, first, period, d->c16),
                         part[i]);
     }
     __mmask16 all = 0xFFFF;
     for (int q = 0; q < 4; q++) {
         all &= _mm512_test_epi32_mask(part[0][q], part[0][q]);
-        to[q] = (struct real16){_mm512_castsi512_ps(part[0][q]), _mm512_castsi512_ps(part[1][q]),
-                                _mm512_castsi512_ps(part[2][q])};
+        to[q] = (struct real16){_mm512_castsi512_ps(part[0][q]), _mm512_castsi512_ps(part[1][q])};
     }
     return all == 0xFFFF;
 }
@@ -174,23 +173,23 @@ FV_INLINE __m512i weights_of(const struct held *h, const struct lanes *l, int s,
 }
 
 FV_INLINE __m512i finish(const struct real16 real[4], const struct lanes *l,
-                         const struct fv_nn_depthwise *d, const __m512i acc[4], const int above)
+                         const struct fv_nn_depthwise *d, const __m512i acc[4], const int from_zero)
 {
     __m512i r[4];
     if (l->is_real) {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
-            r[q] = requantize_real(acc[q], &real[q], above);
+            r[q] = requantize_real(acc[q], &real[q], from_zero);
     } else if (l->is_down) {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
-            r[q] = requantize_down(acc[q], &l->down[q], above);
+            r[q] = requantize_down(acc[q], &l->down[q], from_zero);
     } else {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
-            r[q] = requantize(acc[q], &l->scale[q], above);
+            r[q] = requantize(acc[q], &l->scale[q], from_zero);
     }
-    const __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &l->clamp);
+    const __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &l->clamp, from_zero);
     return d->table != NULL ? look_up(bytes, &l->table) : bytes;
 }
 

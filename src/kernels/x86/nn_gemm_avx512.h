@@ -27,13 +27,13 @@ static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
 /* The tile at row `at` of a chunk. */
 FV_INLINE void do_tile(struct tile_job *j, const struct store_job *s, const struct chunk *c,
                        int32_t at, const int ROWS, const int BLOCKS, const int APART,
-                       const int above)
+                       const int from_zero)
 {
     j->in = c->in + at;
     j->row_sums = c->sums == NULL ? NULL : c->sums + at;
     j->out = c->out + at;
     j->rows = c->m - at < ROWS ? c->m - at : ROWS;
-    tile_u8(j, s, ROWS, BLOCKS, APART, above);
+    tile_u8(j, s, ROWS, BLOCKS, APART, from_zero);
 }
 
 /* Where the tile for rows from `i` on begins: the last one of `m` overlaps the one before. */
@@ -43,10 +43,10 @@ FV_INLINE int32_t tile_at(int32_t i, int32_t m, const int ROWS)
 }
 
 FV_INLINE void column_u8(struct tile_job *j, const struct store_job *s, const struct chunk *c,
-                         const int ROWS, const int BLOCKS, const int APART, const int above)
+                         const int ROWS, const int BLOCKS, const int APART, const int from_zero)
 {
     for (int32_t i = 0; i < c->m; i += ROWS)
-        do_tile(j, s, c, tile_at(i, c->m, ROWS), ROWS, BLOCKS, APART, above);
+        do_tile(j, s, c, tile_at(i, c->m, ROWS), ROWS, BLOCKS, APART, from_zero);
 }
 
 /* The four variants of a function over tiles. */
@@ -54,12 +54,12 @@ FV_INLINE void column_u8(struct tile_job *j, const struct store_job *s, const st
     static __attribute__((noinline)) void name(struct tile_job *j, const struct store_job *s,      \
                                                const type *rows)                                   \
     {                                                                                              \
-        const int above = j->g->act_min >= j->g->zero_out, apart = j->offsets != NULL;             \
-        if (apart && above)                                                                        \
+        const int from_zero = j->g->zero_out == 0, apart = j->offsets != NULL;                     \
+        if (apart && from_zero)                                                                    \
             of(j, s, rows, __VA_ARGS__ 1, 1);                                                      \
         else if (apart)                                                                            \
             of(j, s, rows, __VA_ARGS__ 1, 0);                                                      \
-        else if (above)                                                                            \
+        else if (from_zero)                                                                        \
             of(j, s, rows, __VA_ARGS__ 0, 1);                                                      \
         else                                                                                       \
             of(j, s, rows, __VA_ARGS__ 0, 0);                                                      \
@@ -110,11 +110,10 @@ static inline void init_store(struct store_job *s, const struct fv_nn_gemm *g)
 static inline void load_rounding(struct store_job *s, const struct fv_nn_gemm *g, int32_t block,
                                  int32_t c)
 {
-    const float *real = g->real == NULL ? NULL : g->real + (ptrdiff_t)block * 48;
+    const float *real = g->real == NULL ? NULL : g->real + (ptrdiff_t)block * 32;
     s->is_real[c] = real != NULL && real[0] != 0.0F;
     if (s->is_real[c])
-        s->real[c] = (struct real16){_mm512_load_ps(real), _mm512_load_ps(real + 16),
-                                     _mm512_load_ps(real + 32)};
+        s->real[c] = (struct real16){_mm512_load_ps(real), _mm512_load_ps(real + 16)};
     else
         load_down(&s->scale[c], g->multiplier + 16 * block, g->shift + 16 * block);
 }

@@ -98,8 +98,7 @@ static inline void load_pair_rounding(struct store_job *s, const struct fv_nn_ge
     const __m512i twice = _mm512_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7);
     if (s->is_real[0]) {
         s->real[0].factor = _mm512_permutexvar_ps(twice, s->real[0].factor);
-        s->real[0].above = _mm512_permutexvar_ps(twice, s->real[0].above);
-        s->real[0].below = _mm512_permutexvar_ps(twice, s->real[0].below);
+        s->real[0].offset = _mm512_permutexvar_ps(twice, s->real[0].offset);
     } else {
         load_down_of(&s->scale[0],
                      _mm512_permutexvar_epi32(twice, _mm512_loadu_si512(g->multiplier)),
@@ -134,22 +133,23 @@ static inline void store_rows_of_8(__mmask64 mask, __m512i bytes, uint8_t *const
 }
 
 FV_INLINE void pair_tile(const struct tile_job *j, const struct store_job *s, const struct pairs *p,
-                         const int above)
+                         const int from_zero)
 {
     __m512i acc[PAIR_ROWS], sums[4];
     sum_pairs(j, p, acc);
 #pragma GCC unroll 4
     for (int i = 0; i < 4; i++)
         sums[i] = add_groups(acc[2 * i], acc[2 * i + 1]);
-    scale_block(sums, s, 4, 1, 0, above);
-    __m512i bytes = order_rows(pack_lanes(sums[0], sums[1], sums[2], sums[3], &s->clamp));
+    scale_block(sums, s, 4, 1, 0, from_zero);
+    __m512i bytes =
+        order_rows(pack_lanes(sums[0], sums[1], sums[2], sums[3], &s->clamp, from_zero));
     if (s->lookup != NULL) bytes = look_up(bytes, &s->table);
     store_rows_of_8(s->mask, bytes, j->out, j->rows);
 }
 
 /* The last tile overlaps the one before: a chunk has at least as many rows. */
 FV_INLINE void pair_rows(struct tile_job *j, const struct store_job *s, const struct chunk *c,
-                         const int above)
+                         const int from_zero)
 {
     for (int32_t i = 0; i < c->m; i += PAIR_ROWS) {
         const int32_t at = i + PAIR_ROWS > c->m ? c->m - PAIR_ROWS : i;
@@ -157,7 +157,7 @@ FV_INLINE void pair_rows(struct tile_job *j, const struct store_job *s, const st
         j->row_sums = c->sums == NULL ? NULL : c->sums + at;
         j->out = c->out + at;
         j->rows = PAIR_ROWS;
-        pair_tile(j, s, c->pairs, above);
+        pair_tile(j, s, c->pairs, from_zero);
     }
 }
 
@@ -165,7 +165,7 @@ static __attribute__((noinline)) void pair_column(struct tile_job *j, struct sto
                                                   const struct chunk *c)
 {
     load_pair_rounding(s, j->g);
-    if (j->g->act_min >= j->g->zero_out)
+    if (j->g->zero_out == 0)
         pair_rows(j, s, c, 1);
     else
         pair_rows(j, s, c, 0);

@@ -67,7 +67,7 @@ FV_INLINE void store_four(__m512i bytes, uint8_t *out, ptrdiff_t step, __mmask16
 /* Rows from `at` on. */
 FV_INLINE void run_tile(const struct tile_job *j, const struct store_job *s,
                         const struct fv_nn_rows *r, ptrdiff_t at, const int ROWS, const int APART,
-                        const int above)
+                        const int from_zero)
 {
     const __mmask16 mask = (__mmask16)s->mask;
     const int is_dense = mask == 0xFFFF && r->out_step == 16;
@@ -75,24 +75,25 @@ FV_INLINE void run_tile(const struct tile_job *j, const struct store_job *s,
     __m512i acc[RUN_ROWS];
     accumulate_run(j, r->in + at * r->in_step, r->in_step, ROWS, APART, acc);
     change_registers(acc, ROWS);
-    scale_block(acc, s, ROWS, 1, 0, above);
+    scale_block(acc, s, ROWS, 1, 0, from_zero);
 #pragma GCC unroll 4
     for (int f = 0; f < ROWS; f += 4, out += 4 * r->out_step) {
-        __m512i bytes = pack_lanes(acc[f], acc[f + 1], acc[f + 2], acc[f + 3], &s->clamp);
+        __m512i bytes =
+            pack_lanes(acc[f], acc[f + 1], acc[f + 2], acc[f + 3], &s->clamp, from_zero);
         if (s->lookup != NULL) bytes = look_up(bytes, &s->table);
         store_four(_mm512_permutexvar_epi32(s->order, bytes), out, r->out_step, mask, is_dense);
     }
 }
 
 FV_INLINE void run_u8(const struct tile_job *j, const struct store_job *s,
-                      const struct fv_nn_rows *r, const int APART, const int above)
+                      const struct fv_nn_rows *r, const int APART, const int from_zero)
 {
     int32_t i = 0;
     for (; i + RUN_REST < r->count; i += RUN_ROWS) {
         const int32_t at = i + RUN_ROWS > r->count ? r->count - RUN_ROWS : i;
-        run_tile(j, s, r, at, RUN_ROWS, APART, above);
+        run_tile(j, s, r, at, RUN_ROWS, APART, from_zero);
     }
-    if (i < r->count) run_tile(j, s, r, r->count - RUN_REST, RUN_REST, APART, above);
+    if (i < r->count) run_tile(j, s, r, r->count - RUN_REST, RUN_REST, APART, from_zero);
 }
 
 #endif

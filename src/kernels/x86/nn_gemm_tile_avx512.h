@@ -174,19 +174,19 @@ FV_INLINE void store_bytes(__mmask64 mask, __m512i bytes, uint8_t *const *out, p
 
 /* Block by block, so that its constants are loaded once. */
 FV_INLINE void scale_block(__m512i *acc, const struct store_job *s, const int ROWS,
-                           const int BLOCKS, const int b, const int above)
+                           const int BLOCKS, const int b, const int from_zero)
 {
     if (s->is_real[b]) {
         const struct real16 real = s->real[b];
 #pragma GCC unroll 16
         for (int i = 0; i < ROWS; i++)
-            acc[i * BLOCKS + b] = requantize_real(acc[i * BLOCKS + b], &real, above);
+            acc[i * BLOCKS + b] = requantize_real(acc[i * BLOCKS + b], &real, from_zero);
         return;
     }
     const struct down16 scale = s->scale[b];
 #pragma GCC unroll 16
     for (int i = 0; i < ROWS; i++)
-        acc[i * BLOCKS + b] = requantize_down(acc[i * BLOCKS + b], &scale, above);
+        acc[i * BLOCKS + b] = requantize_down(acc[i * BLOCKS + b], &scale, from_zero);
 }
 
 /* From here on other registers: else gcc, which has none left below, keeps some of the accumulators
@@ -204,16 +204,16 @@ FV_INLINE void change_registers(__m512i *acc, const int COUNT)
 }
 
 FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS,
-                       const int BLOCKS, const int APART, const int above)
+                       const int BLOCKS, const int APART, const int from_zero)
 {
     const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
     accumulate(j, ROWS, BLOCKS, APART, acc);
     change_registers(acc, ROWS * BLOCKS);
-    if (BLOCKS > 0) scale_block(acc, s, ROWS, BLOCKS, 0, above);
-    if (BLOCKS > 1) scale_block(acc, s, ROWS, BLOCKS, 1, above);
-    if (BLOCKS > 2) scale_block(acc, s, ROWS, BLOCKS, 2, above);
-    if (BLOCKS > 3) scale_block(acc, s, ROWS, BLOCKS, 3, above);
+    if (BLOCKS > 0) scale_block(acc, s, ROWS, BLOCKS, 0, from_zero);
+    if (BLOCKS > 1) scale_block(acc, s, ROWS, BLOCKS, 1, from_zero);
+    if (BLOCKS > 2) scale_block(acc, s, ROWS, BLOCKS, 2, from_zero);
+    if (BLOCKS > 3) scale_block(acc, s, ROWS, BLOCKS, 3, from_zero);
 #pragma GCC unroll 16
     for (int i = 0; i < ROWS; i += group) {
         if (i >= j->rows) break;
@@ -224,7 +224,7 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
             const int used = BLOCKS == 3 ? b < 3 : row < ROWS;
             r[b] = used ? acc[row * BLOCKS + b % BLOCKS] : r[0];
         }
-        __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &s->clamp);
+        __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &s->clamp, from_zero);
         if (s->lookup != NULL) bytes = look_up(bytes, &s->table);
         store_bytes(s->mask, _mm512_permutexvar_epi32(s->order, bytes), j->out + i, j->column,
                     j->rows - i, BLOCKS);

@@ -27,7 +27,7 @@ FV_INLINE __m512i slopes64(const struct job *j, __m512i bytes, const __m512i fal
 #pragma GCC unroll 4
     for (int q = 0; q < 4; q++)
         y[q] = products(j, x[q], _mm512_castsi512_ps(falling[q]));
-    return pack_lanes(y[0], y[1], y[2], y[3], &j->clamp);
+    return pack_lanes(y[0], y[1], y[2], y[3], &j->clamp, 0);
 }
 
 /* Rows without gap as one run of bytes, in which the channels repeat: every `step`-th 64 bytes are
