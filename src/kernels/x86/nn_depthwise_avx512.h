@@ -67,14 +67,14 @@ static inline void interleave_columns(const struct fv_nn_depthwise *d, const uin
 
 FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
                              const uint8_t *scratch, int32_t columns, int32_t outputs, uint8_t *out,
-                             const int KW, const int GROUPS, const int PLANES, const int from_zero)
+                             const int KW, const int GROUPS, const int PLANES, const int MODE)
 {
     const int STEPS = PLANES * GROUPS * KW;
     const ptrdiff_t step = (ptrdiff_t)d->stride_x * 256, out_step = d->out_stride;
     const __mmask64 mask = l->mask;
     ptrdiff_t at[STEPS_MAX];
     struct held h;
-    hold(&h, l, STEPS);
+    hold(&h, l, d, STEPS);
     for (int s = 0; s < STEPS; s++)
         at[s] = ((ptrdiff_t)(s / KW % GROUPS) * columns + s % KW * d->dilation_x) * 256;
     for (int32_t x = 0; x < outputs; x++, out += out_step, scratch += step) {
@@ -86,41 +86,58 @@ FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise
                 acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(scratch + at[s] + 64 * q),
                                              weights_of(&h, l, s, q, STEPS));
         }
-        _mm512_mask_storeu_epi8(out, mask, finish(h.real, l, d, acc, from_zero));
+        _mm512_mask_storeu_epi8(out, mask, finish(&h, l, acc, MODE));
     }
 }
 
-static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise *d,
-                             const uint8_t *in, uint8_t *out, int32_t y, uint8_t *scratch,
-                             int from_zero)
+typedef void block_outputs_fn(const struct lanes *l, const struct fv_nn_depthwise *d,
+                              const uint8_t *scratch, int32_t columns, int32_t outputs,
+                              uint8_t *out);
+
+/* Functions of their own, so that each has the registers that it needs. */
+#define BLOCKS(name, kw, groups, planes, mode)                                                     \
+    static __attribute__((noinline)) void name(                                                    \
+        const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *scratch,            \
+        int32_t columns, int32_t outputs, uint8_t *out)                                            \
+    {                                                                                              \
+        block_outputs(l, d, scratch, columns, outputs, out, kw, groups, planes, mode);             \
+    }
+BLOCKS(blocks_3x3_from_zero, 3, 1, 1, BY_REAL | FROM_ZERO)
+BLOCKS(blocks_3x3, 3, 1, 1, BY_REAL)
+BLOCKS(blocks_5x5_from_zero, 5, 2, 1, BY_REAL | FROM_ZERO)
+BLOCKS(blocks_5x5, 5, 2, 1, BY_REAL)
+BLOCKS(blocks_by_real, d->kw, (d->kh + 3) / 4, d->planes, BY_REAL)
+BLOCKS(blocks_exactly, d->kw, (d->kh + 3) / 4, d->planes, 0)
+
+static inline block_outputs_fn *blocks_of(const struct lanes *l, const struct fv_nn_depthwise *d)
 {
-    const int32_t span = span_of(d), groups = (d->kh + 3) / 4;
+    const int32_t groups = (d->kh + 3) / 4;
+    const int mode = mode_of(l, d);
+    if (mode == 0) return blocks_exactly;
+    if (d->planes == 1 && d->kw == 3 && groups == 1)
+        return mode == BY_REAL ? blocks_3x3 : blocks_3x3_from_zero;
+    if (d->planes == 1 && d->kw == 5 && groups == 2)
+        return mode == BY_REAL ? blocks_5x5 : blocks_5x5_from_zero;
+    return blocks_by_real;
+}
+
+static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise *d,
+                             const uint8_t *in, uint8_t *out, int32_t y, uint8_t *scratch)
+{
+    const int32_t span = span_of(d);
+    block_outputs_fn *const outputs = blocks_of(l, d);
     const int32_t most = span > COLUMNS_MAX ? 1 : (COLUMNS_MAX - span) / d->stride_x + 1;
     for (int32_t x = 0, count; x < d->out_w; x += count) {
         count = d->out_w - x < most ? d->out_w - x : most;
         const int32_t columns = (count - 1) * d->stride_x + span;
         interleave_columns(d, in, y, x * d->stride_x - d->pad_left, columns, l->mask, scratch);
-        uint8_t *to = out + (ptrdiff_t)x * d->out_stride;
-        const int small = d->kw == 3 && groups == 1, large = d->kw == 5 && groups == 2;
-        if (large && d->planes == 1 && from_zero)
-            block_outputs(l, d, scratch, columns, count, to, 5, 2, 1, 1);
-        else if (large && d->planes == 1)
-            block_outputs(l, d, scratch, columns, count, to, 5, 2, 1, 0);
-        else if (small && d->planes == 1 && from_zero)
-            block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 1);
-        else if (small && d->planes == 1)
-            block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 0);
-        else if (small && d->planes == 2 && from_zero)
-            block_outputs(l, d, scratch, columns, count, to, 3, 1, 2, 1);
-        else
-            block_outputs(l, d, scratch, columns, count, to, d->kw, groups, d->planes, 0);
+        outputs(l, d, scratch, columns, count, out + (ptrdiff_t)x * d->out_stride);
     }
 }
 
 /* The first `channels` channels. */
 static inline void by_blocks(const struct fv_nn_depthwise *d, int32_t channels, const uint8_t *in,
-                             uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch,
-                             int from_zero)
+                             uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch)
 {
     struct lanes l;
     for (int32_t c = 0; c < channels; c += 64) {
@@ -128,7 +145,7 @@ static inline void by_blocks(const struct fv_nn_depthwise *d, int32_t channels, 
         l.mask = first_bytes(channels - c);
         for (int32_t y = begin; y < end; y++) {
             block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y,
-                      scratch, from_zero);
+                      scratch);
         }
     }
 }
@@ -317,12 +334,12 @@ FV_INLINE void store_pixels(const struct fv_nn_depthwise *d, uint8_t *out, int32
 FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
                             const uint8_t *const rows[4], ptrdiff_t part, int32_t j, int32_t step,
                             int32_t total, uint8_t *out, const int KH, const int KW,
-                            const int PLANES, const int from_zero)
+                            const int PLANES, const int MODE)
 {
     const __m512i none = _mm512_setzero_si512();
     ptrdiff_t columns[STEPS_MAX];
     struct held h;
-    hold(&h, l, PLANES * KW);
+    hold(&h, l, d, PLANES * KW);
     for (int kx = 0; kx < KW; kx++) {
         const int32_t column = kx * d->dilation_x;
         columns[kx] = column % d->stride_x * part + (ptrdiff_t)(column / d->stride_x) * d->channels;
@@ -344,12 +361,12 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
                                                  weights_of(&h, l, p * KW + kx, q, PLANES * KW));
             }
         }
-        store_pixels(d, out, j, total, finish(h.real, l, d, acc, from_zero));
+        store_pixels(d, out, j, total, finish(&h, l, acc, MODE));
     }
 }
 
 static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
-                                int32_t begin, int32_t end, uint8_t *scratch, int from_zero)
+                                int32_t begin, int32_t end, uint8_t *scratch)
 {
     const int32_t phases = phases_of(d), total = d->out_w * d->channels;
     const ptrdiff_t part = flat_part(d), pitch = part * d->stride_x;
@@ -371,12 +388,18 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
         for (int32_t p = 0; p < phases && p * 64 < total; p++) {
             const struct lanes *l = &lanes[p];
             const int32_t step = phases * 64;
-            if (small && d->planes == 1 && from_zero)
-                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, 1, 1);
-            else if (small && d->planes == 1)
-                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, 1, 0);
-            else if (small && from_zero)
-                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, d->planes, 1);
+            const int mode = mode_of(l, d);
+            if (small && d->planes == 1 && mode == (BY_REAL | FROM_ZERO))
+                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, 1,
+                             BY_REAL | FROM_ZERO);
+            else if (small && d->planes == 1 && mode == BY_REAL)
+                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, 1, BY_REAL);
+            else if (small && mode == (BY_REAL | FROM_ZERO))
+                flat_outputs(l, d, rows, part, p * 64, step, total, out, 3, 3, d->planes,
+                             BY_REAL | FROM_ZERO);
+            else if (mode != 0)
+                flat_outputs(l, d, rows, part, p * 64, step, total, out, d->kh, d->kw, d->planes,
+                             BY_REAL);
             else
                 flat_outputs(l, d, rows, part, p * 64, step, total, out, d->kh, d->kw, d->planes,
                              0);
@@ -399,16 +422,15 @@ static inline struct fv_nn_depthwise last_channels(const struct fv_nn_depthwise 
 
 /* Whole blocks, and what is left, a quarter or half of one, as flat rows. */
 static inline void by_blocks_and_rows(const struct fv_nn_depthwise *d, const uint8_t *in,
-                                      uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch,
-                                      int from_zero)
+                                      uint8_t *out, int32_t begin, int32_t end, uint8_t *scratch)
 {
     const int32_t first = d->channels / 64 * 64;
     const struct fv_nn_depthwise last = last_channels(d, first);
     if (first > 0 && (last.channels == 16 || last.channels == 32) && flat_fits(&last)) {
-        by_blocks(d, first, in, out, begin, end, scratch, from_zero);
-        by_flat_rows(&last, in + first, out + first, begin, end, scratch, from_zero);
+        by_blocks(d, first, in, out, begin, end, scratch);
+        by_flat_rows(&last, in + first, out + first, begin, end, scratch);
     } else {
-        by_blocks(d, d->channels, in, out, begin, end, scratch, from_zero);
+        by_blocks(d, d->channels, in, out, begin, end, scratch);
     }
 }
 
@@ -467,10 +489,10 @@ static inline void fill_streams(const struct fv_nn_depthwise *d, const uint8_t *
 FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
                               const uint8_t *streams, ptrdiff_t pitch, int32_t j, int32_t step,
                               int32_t total, uint8_t *out, const int KW, const int GROUPS,
-                              const int PLANES, const int from_zero)
+                              const int PLANES, const int MODE)
 {
     struct held h;
-    hold(&h, l, PLANES * GROUPS * KW);
+    hold(&h, l, d, PLANES * GROUPS * KW);
     streams += stream_lead(d);
     for (; j < total; j += step) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
@@ -488,25 +510,38 @@ FV_INLINE void stream_outputs(const struct lanes *l, const struct fv_nn_depthwis
             }
         }
         const __mmask64 mask = first_bytes(total - j);
-        _mm512_mask_storeu_epi8(out + j, mask, finish(h.real, l, d, acc, from_zero));
+        _mm512_mask_storeu_epi8(out + j, mask, finish(&h, l, acc, MODE));
     }
 }
 
 /* Functions of their own, so that each has the registers that it needs. */
-#define STREAMS(name, kw, groups, from_zero)                                                       \
+#define STREAMS(name, kw, groups, mode)                                                            \
     static __attribute__((noinline)) void name(                                                    \
         const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *streams,            \
         ptrdiff_t pitch, int32_t j, int32_t step, int32_t total, uint8_t *out)                     \
     {                                                                                              \
-        stream_outputs(l, d, streams, pitch, j, step, total, out, kw, groups, 1, from_zero);       \
+        stream_outputs(l, d, streams, pitch, j, step, total, out, kw, groups, 1, mode);            \
     }
-STREAMS(streams_3x3_from_zero, 3, 1, 1)
-STREAMS(streams_3x3, 3, 1, 0)
-STREAMS(streams_5x5_from_zero, 5, 2, 1)
-STREAMS(streams_5x5, 5, 2, 0)
+STREAMS(streams_3x3_from_zero, 3, 1, BY_REAL | FROM_ZERO)
+STREAMS(streams_3x3, 3, 1, BY_REAL)
+STREAMS(streams_5x5_from_zero, 5, 2, BY_REAL | FROM_ZERO)
+STREAMS(streams_5x5, 5, 2, BY_REAL)
+
+/* Any kernel. */
+static inline void streams_of(const struct lanes *l, const struct fv_nn_depthwise *d,
+                              const uint8_t *streams, ptrdiff_t pitch, int32_t j, int32_t step,
+                              int32_t total, uint8_t *out)
+{
+    const int32_t groups = (d->kh + 3) / 4;
+    if (l->is_real)
+        stream_outputs(l, d, streams, pitch, j, step, total, out, d->kw, groups, d->planes,
+                       BY_REAL);
+    else
+        stream_outputs(l, d, streams, pitch, j, step, total, out, d->kw, groups, d->planes, 0);
+}
 
 static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
-                              int32_t begin, int32_t end, uint8_t *streams, int from_zero)
+                              int32_t begin, int32_t end, uint8_t *streams)
 {
     const int32_t phases = phases_of(d), total = d->out_w * d->channels, step = phases * 64;
     const int32_t groups = (d->kh + 3) / 4;
@@ -520,15 +555,14 @@ static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in
             fill_streams(d, in, y, 4 * g, streams + 4 * g * pitch, pitch);
         for (int32_t p = 0; p < phases && p * 64 < total; p++) {
             const struct lanes *l = &lanes[p];
-            if (small)
-                (from_zero ? streams_3x3_from_zero : streams_3x3)(l, d, streams, pitch, p * 64,
-                                                                  step, total, out);
-            else if (large)
-                (from_zero ? streams_5x5_from_zero : streams_5x5)(l, d, streams, pitch, p * 64,
-                                                                  step, total, out);
-            else
-                stream_outputs(l, d, streams, pitch, p * 64, step, total, out, d->kw, groups,
-                               d->planes, 0);
+            const int mode = mode_of(l, d);
+            void (*outputs)(const struct lanes *, const struct fv_nn_depthwise *, const uint8_t *,
+                            ptrdiff_t, int32_t, int32_t, int32_t, uint8_t *) = streams_of;
+            if (small && mode != 0)
+                outputs = mode == BY_REAL ? streams_3x3 : streams_3x3_from_zero;
+            else if (large && mode != 0)
+                outputs = mode == BY_REAL ? streams_5x5 : streams_5x5_from_zero;
+            outputs(l, d, streams, pitch, p * 64, step, total, out);
         }
     }
 }
@@ -536,13 +570,12 @@ static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in
 static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
                              int32_t begin, int32_t end, uint8_t *scratch)
 {
-    const int from_zero = d->zero_out == 0;
     if (streams_fit(d))
-        by_streams(d, in, out, begin, end, scratch, from_zero);
+        by_streams(d, in, out, begin, end, scratch);
     else if (flat_fits(d))
-        by_flat_rows(d, in, out, begin, end, scratch, from_zero);
+        by_flat_rows(d, in, out, begin, end, scratch);
     else if (d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX)
-        by_blocks_and_rows(d, in, out, begin, end, scratch, from_zero);
+        by_blocks_and_rows(d, in, out, begin, end, scratch);
     else
         fv_k_nn_depthwise_u8__avx2(d, in, out, begin, end, scratch);
 }

@@ -9,6 +9,10 @@
 
 enum { STEPS_MAX = 20, HELD_STEPS_MAX = 3 };
 
+/* How sums become bytes: by real numbers, or exactly; with a zero point of 0, which exact rounding
+ * need not know. */
+enum { BY_REAL = 1, FROM_ZERO = 2 };
+
 /* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel
  * rows, one kernel column. */
 struct lanes {
@@ -147,15 +151,25 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     l->clamp = clamp_of(d->zero_out, d->act_min, d->act_max);
 }
 
+static inline int mode_of(const struct lanes *l, const struct fv_nn_depthwise *d)
+{
+    return !l->is_real ? 0 : d->zero_out == 0 ? BY_REAL | FROM_ZERO : BY_REAL;
+}
+
 /* What stays in registers over a row of outputs: as stores of bytes may change anything in memory,
  * compilers would load it again for each. */
 struct held {
     __m512i weights[HELD_STEPS_MAX][4];
     struct real16 real[4];
+    struct clamp64 clamp;
+    int has_table;
 };
 
-FV_INLINE void hold(struct held *h, const struct lanes *l, const int STEPS)
+FV_INLINE void hold(struct held *h, const struct lanes *l, const struct fv_nn_depthwise *d,
+                    const int STEPS)
 {
+    h->clamp = l->clamp;
+    h->has_table = d->table != NULL;
 #pragma GCC unroll 4
     for (int q = 0; q < 4; q++) {
         h->real[q] = l->real[q];
@@ -172,25 +186,25 @@ FV_INLINE __m512i weights_of(const struct held *h, const struct lanes *l, int s,
     return STEPS <= HELD_STEPS_MAX ? h->weights[s][q] : l->weights[s][q];
 }
 
-FV_INLINE __m512i finish(const struct real16 real[4], const struct lanes *l,
-                         const struct fv_nn_depthwise *d, const __m512i acc[4], const int from_zero)
+FV_INLINE __m512i finish(const struct held *h, const struct lanes *l, const __m512i acc[4],
+                         const int MODE)
 {
     __m512i r[4];
-    if (l->is_real) {
+    if ((MODE & BY_REAL) != 0) {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
-            r[q] = requantize_real(acc[q], &real[q], from_zero);
+            r[q] = requantize_real(acc[q], &h->real[q], (MODE & FROM_ZERO) != 0);
     } else if (l->is_down) {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
-            r[q] = requantize_down(acc[q], &l->down[q], from_zero);
+            r[q] = requantize_down(acc[q], &l->down[q], 0);
     } else {
 #pragma GCC unroll 4
         for (int q = 0; q < 4; q++)
-            r[q] = requantize(acc[q], &l->scale[q], from_zero);
+            r[q] = requantize(acc[q], &l->scale[q], 0);
     }
-    const __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &l->clamp, from_zero);
-    return d->table != NULL ? look_up(bytes, &l->table) : bytes;
+    const __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], &h->clamp, (MODE & FROM_ZERO) != 0);
+    return h->has_table ? look_up(bytes, &l->table) : bytes;
 }
 
 #endif
