@@ -7,14 +7,14 @@
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx512.h"
 
-enum { STEPS_MAX = 20, HELD_STEPS_MAX = 3 };
+enum { STEPS_MAX = 20, HELD_STEPS_MAX = 3, COLUMNS_MAX = 72, PHASES_MAX = 3 };
 
 /* How sums become bytes: by real numbers, or exactly; with a zero point of 0, which exact rounding
  * need not know. */
 enum { BY_REAL = 1, FROM_ZERO = 2 };
 
 /* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel
- * rows, one kernel column. */
+ * rows, one kernel column; those of the first of the rows together come first. */
 struct lanes {
     __m512i weights[STEPS_MAX][4];
     __m512i bias[4];
@@ -28,6 +28,42 @@ struct lanes {
     struct clamp64 clamp;
     __mmask64 mask;
 };
+
+/* Input columns under the kernel of an output pixel, from the first to the last. */
+static inline int32_t span_of(const struct fv_nn_depthwise *d)
+{
+    return (d->kw - 1) * d->dilation_x + 1;
+}
+
+/* Those under the kernels of a row of output pixels. */
+static inline int32_t columns_of(const struct fv_nn_depthwise *d)
+{
+    return (d->out_w - 1) * d->stride_x + span_of(d);
+}
+
+/* Steps of an output row. */
+static inline int32_t steps_of(const struct fv_nn_depthwise *d)
+{
+    return d->planes * ((d->kh + 3) / 4) * d->kw;
+}
+
+/* Output rows that share what is interleaved: where kernel rows leave lanes free, the next rows of
+ * the image are there, and weights that lie as many rows further give the next output rows. */
+static inline int32_t rows_together(const struct fv_nn_depthwise *d)
+{
+    const int32_t rows = (d->kh + 3) / 4 * 4 - d->kh + 1, most = STEPS_MAX / steps_of(d);
+    return d->stride_y != 1 || d->dilation_y != 1 ? 1 : rows < most ? rows : most;
+}
+
+/* The row under row ky of the kernels of output row y, or NULL: outside the image, or of no use for
+ * the `together` output rows from y on. */
+static inline const uint8_t *input_row(const struct fv_nn_depthwise *d, const uint8_t *in,
+                                       int32_t y, int32_t ky, int32_t together)
+{
+    const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
+    if (ky >= d->kh + together - 1 || iy < 0 || iy >= d->in_h) return NULL;
+    return in + (ptrdiff_t)iy * d->in_w * d->in_stride;
+}
 
 FV_INLINE void interleave(__m512i a, __m512i b, __m512i c, __m512i d, __m512i out[4])
 {
@@ -135,20 +171,42 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     transpose_words(spread_words(words, d->bias, first, period, d->c16), l->bias);
     l->is_real = d->real != NULL && load_real(l->real, d, first, period);
     if (!l->is_real) load_exact(l, d, first, period);
-    for (int32_t step = 0; step < d->planes * groups * d->kw; step++) {
+    for (int32_t step = 0; step < rows_together(d) * steps_of(d); step++) {
         const int32_t kx = step % d->kw, group = step / d->kw % groups,
-                      plane = step / d->kw / groups;
+                      plane = step / d->kw / groups % d->planes, later = step / steps_of(d);
         __m512i column[4];
         for (int32_t r = 0; r < 4; r++) {
-            const int8_t *w =
-                d->weights + ((ptrdiff_t)(plane * d->kh + 4 * group + r) * d->kw + kx) * d->c16;
-            column[r] = 4 * group + r < d->kh ? spread_bytes(w, first, period, d->c16)
+            const int32_t ky = 4 * group + r - later;
+            const int8_t *w = d->weights + ((ptrdiff_t)(plane * d->kh + ky) * d->kw + kx) * d->c16;
+            column[r] = ky >= 0 && ky < d->kh ? spread_bytes(w, first, period, d->c16)
                                               : _mm512_setzero_si512();
         }
         interleave(column[0], column[1], column[2], column[3], l->weights[step]);
     }
     load_table(&l->table, d->table);
     l->clamp = clamp_of(d->zero_out, d->act_min, d->act_max);
+}
+
+static inline int32_t common_divisor(int32_t a, int32_t b)
+{
+    while (b != 0) {
+        const int32_t rest = a % b;
+        a = b;
+        b = rest;
+    }
+    return a;
+}
+
+/* Every n-th 64 bytes of a row stand for the same channels. */
+static inline int32_t phases_of(const struct fv_nn_depthwise *d)
+{
+    return d->channels / common_divisor(d->channels, 64);
+}
+
+static inline void load_phases(struct lanes *lanes, const struct fv_nn_depthwise *d, int32_t phases)
+{
+    for (int32_t p = 0; p < phases; p++)
+        load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
 }
 
 static inline int mode_of(const struct lanes *l, const struct fv_nn_depthwise *d)
@@ -166,7 +224,7 @@ struct held {
 };
 
 FV_INLINE void hold(struct held *h, const struct lanes *l, const struct fv_nn_depthwise *d,
-                    const int STEPS)
+                    const __m512i (*weights)[4], const int STEPS)
 {
     h->clamp = l->clamp;
     h->has_table = d->table != NULL;
@@ -175,15 +233,15 @@ FV_INLINE void hold(struct held *h, const struct lanes *l, const struct fv_nn_de
         h->real[q] = l->real[q];
 #pragma GCC unroll 3
         for (int s = 0; s < STEPS && s < HELD_STEPS_MAX; s++)
-            h->weights[s][q] = l->weights[s][q];
+            h->weights[s][q] = weights[s][q];
     }
 }
 
 /* The weights of a step: held, if they can be. */
-FV_INLINE __m512i weights_of(const struct held *h, const struct lanes *l, int s, int q,
+FV_INLINE __m512i weights_of(const struct held *h, const __m512i (*weights)[4], int s, int q,
                              const int STEPS)
 {
-    return STEPS <= HELD_STEPS_MAX ? h->weights[s][q] : l->weights[s][q];
+    return STEPS <= HELD_STEPS_MAX ? h->weights[s][q] : weights[s][q];
 }
 
 FV_INLINE __m512i finish(const struct held *h, const struct lanes *l, const __m512i acc[4],
