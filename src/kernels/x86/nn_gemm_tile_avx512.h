@@ -6,7 +6,7 @@
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx512.h"
 
-enum { CHUNK_ROWS = 48, CHUNK_ROWS_MAX = 72, TILE_ROWS_MAX = 12, ROWS_HELD = 9 };
+enum { CHUNK_ROWS = 48, CHUNK_ROWS_MAX = 72, TILE_ROWS_MAX = 12, ROWS_HELD = 8 };
 
 /* A tile: ROWS rows from `in` on, all of which are read. */
 struct tile_job {
