@@ -156,7 +156,7 @@ static void init_band(struct band *b, const struct fv_op_conv *c, uint8_t *from,
     b->columns = (int32_t)between(im->in_w - b->first, 0, width - b->left);
 }
 
-/* The inputs of `rows` output rows of an image, from y on. */
+/* The inputs of `rows` output rows of an image, from y on, and up to 15 bytes after them. */
 static void fill_band(const struct band *b, const struct fv_op_conv *c, const uint8_t *image,
                       int32_t y, int32_t rows)
 {
@@ -172,7 +172,7 @@ static void fill_band(const struct band *b, const struct fv_op_conv *c, const ui
             continue;
         }
         const uint8_t *from = image + ((ptrdiff_t)iy * im->in_w + b->first) * im->in_stride;
-        memset(to, c->zero_in, (size_t)left);
+        fv_nn_fill_pieces(to, (uint8_t)c->zero_in, left);
         if (im->in_stride == im->in_c) {
             memcpy(to + left, from, (size_t)width);
         } else {
@@ -180,7 +180,7 @@ static void fill_band(const struct band *b, const struct fv_op_conv *c, const ui
                 fv_nn_copy_pieces(to + left + (ptrdiff_t)x * im->in_c,
                                   from + (ptrdiff_t)x * im->in_stride, im->in_c);
         }
-        memset(to + left + width, c->zero_in, (size_t)(b->line - left - width));
+        fv_nn_fill_pieces(to + left + width, (uint8_t)c->zero_in, b->line - left - width);
     }
 }
 

@@ -52,4 +52,13 @@ static inline void fv_nn_copy_pieces(uint8_t *to, const uint8_t *from, int32_t b
         memcpy(to + i, from + i, 16);
 }
 
+/* Likewise one value. */
+static inline void fv_nn_fill_pieces(uint8_t *to, uint8_t value, ptrdiff_t bytes)
+{
+    uint8_t piece[16];
+    memset(piece, value, sizeof piece);
+    for (ptrdiff_t i = 0; i < bytes; i += 16)
+        memcpy(to + i, piece, 16);
+}
+
 #endif
