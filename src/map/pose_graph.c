@@ -228,6 +228,20 @@ static void add_to_node(const double A[49], const double WA[49], const double e[
 }
 
 /* Steps multiply on the left: S <- exp(x) S. */
+/* Keep of each row's turn what is about the vertical, as a node has it in its own axes. */
+static void keep_upright(const struct fv_pose_graph *g, const struct fv_graph_node *node,
+                         double A[49])
+{
+    double down[3];
+    fv_rotate3(node->S.R, g->state->down, down);
+    for (int row = 0; row < 7; row++) {
+        double *turn = A + 7 * row + 3;
+        const double about = fv_dot3(turn, down);
+        for (int k = 0; k < 3; k++)
+            turn[k] = about * down[k];
+    }
+}
+
 static void linearise_edge(struct fv_pose_graph *g, uint32_t number)
 {
     struct fv_graph_edge *edge = &g->edges[number];
@@ -242,6 +256,10 @@ static void linearise_edge(struct fv_pose_graph *g, uint32_t number)
     multiply77(left, Ad, by_b);
     for (int row = 0; row < 6 && g->state->rigid; row++) /* else shifts would be made up by scale */
         by_a[7 * row + 6] = by_b[7 * row + 6] = 0;
+    if (g->state->upright) {
+        keep_upright(g, a, by_a);
+        keep_upright(g, b, by_b);
+    }
     weigh(edge, by_a, weighted);
     fv_block_add_inner(block, 7, weighted, 7, by_b, 7, 7, 1, false);
     for (int i = 0; i < 49; i++)
@@ -257,6 +275,16 @@ static void linearise_edge(struct fv_pose_graph *g, uint32_t number)
                                          : NULL);
 }
 
+/* Turns that a node may not make: equations of their own, which say 0. */
+static void hold_tilt(const struct fv_pose_graph *g, struct fv_graph_node *node)
+{
+    double down[3];
+    fv_rotate3(node->S.R, g->state->down, down);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            node->held[3 * r + c] = (r == c) - down[r] * down[c];
+}
+
 static void linearise_unit(struct fv_pose_graph *g)
 {
     struct fv_pose_graph_state *s = g->state;
@@ -265,6 +293,7 @@ static void linearise_unit(struct fv_pose_graph *g)
         for (uint32_t n = 0; n < s->node_count; n++) {
             memset(g->nodes[n].diagonal, 0, sizeof g->nodes[n].diagonal);
             memset(g->nodes[n].gradient, 0, sizeof g->nodes[n].gradient);
+            if (s->upright) hold_tilt(g, &g->nodes[n]);
         }
     }
     for (uint32_t done = 0; done < UNIT_LINEARISE && s->next < s->edge_count; done++)
@@ -282,6 +311,13 @@ static void take_steps(struct fv_pose_graph *g)
     for (uint32_t k = 0; k < g->state->ordered; k++) {
         struct fv_graph_node *node = &g->nodes[g->order[k]];
         struct fv_sim3 moved;
+        if (g->state->upright) {
+            double down[3];
+            fv_rotate3(node->S.R, g->state->down, down);
+            const double about = fv_dot3(node->step + 3, down);
+            for (int i = 0; i < 3; i++)
+                node->step[3 + i] = about * down[i];
+        }
         fv_sim3_exp(node->step, &moved);
         node->before = node->S;
         fv_sim3_compose(&moved, &node->S, &node->S);

@@ -7,8 +7,14 @@
  * drift-aware large scale monocular SLAM" (RSS 2010). Each step is solved by conjugate gradients
  * with the exact solution of a spanning tree as preconditioner, which needs no fill-in and so fixed
  * memory (F. Dellaert et al., "Subgraph-preconditioned conjugate gradients for large scale SLAM",
- * IROS 2010). Works on its own copy, in units of bounded cost; state holds no addresses. Real-time
- * safe. */
+ * IROS 2010).
+ *
+ * Where gravity is known in the world of the nodes, each keeps the roll and pitch that it came
+ * with: a step turns it about the vertical alone, which leaves 4 degrees of freedom to a node
+ * whose unit of length is held (`rigid`), 5 to others; T. Qin, P. Li, S. Shen, "VINS-Mono" (T-RO
+ * 2018), section VIII. An edge still says what all of the turn between its ends should be; what
+ * roll and pitch cannot follow stays an error of it. Works on its own copy, in units of bounded
+ * cost; state holds no addresses. Real-time safe. */
 #ifndef FOVEA_MAP_POSE_GRAPH_H
 #define FOVEA_MAP_POSE_GRAPH_H
 
@@ -32,6 +38,7 @@ struct fv_graph_node {
     struct fv_sim3 S, before; /* S_cam_world in work, and as last accepted */
     double diagonal[49];      /* of the normal equations, lower triangle, without damping */
     double gradient[7];
+    double held[9]; /* of turns: that which leaves the vertical where it is not; where upright */
     /* what the tree's edge to the parent adds to the two diagonals: lower triangles by rows */
     double own[28], parents[28];
     double factor[49];    /* of what elimination of the tree left of the diagonal block */
@@ -66,7 +73,10 @@ struct fv_pose_graph_state {
     enum fv_graph_phase phase;
     uint32_t node_count, edge_count, ordered; /* nodes in the tree's order */
     uint32_t next, step, iteration;
-    uint32_t rigid; /* scales are 1 and stay so; to be set after fv_pose_graph_begin */
+    /* To be set after fv_pose_graph_begin: scales are 1 and stay so; roll and pitch of all nodes
+     * stay what they are against `down`, a unit vector in the axes of world. */
+    uint32_t rigid, upright;
+    double down[3];
     double cost, cost_before, cost_at_start, damping;
     double rho, rho_start; /* of conjugate gradients */
 };

@@ -40,10 +40,14 @@ static void add_triangle(const double triangle[28], double M[49])
 
 /* ---- the tree -------------------------------------------------------------------------------- */
 
-static void damp(const struct fv_graph_node *node, double damping, double D[49])
+static void damp(const struct fv_pose_graph_state *s, const struct fv_graph_node *node,
+                 double D[49])
 {
     for (int a = 0; a < 7; a++)
-        D[8 * a] += damping * node->diagonal[8 * a] + 1e-12;
+        D[8 * a] += s->damping * node->diagonal[8 * a] + 1e-12;
+    for (int r = 0; r < 3 && s->upright; r++)
+        for (int c = 0; c < 3; c++)
+            D[7 * (3 + r) + 3 + c] += node->held[3 * r + c];
 }
 
 /* Diagonal blocks of the tree alone: the sum over the edges of a node to its parent and to
@@ -53,7 +57,7 @@ static void tree_blocks(struct fv_pose_graph *g)
     for (uint32_t k = 0; k < g->state->ordered; k++) {
         struct fv_graph_node *node = &g->nodes[g->order[k]];
         memset(node->factor, 0, sizeof node->factor);
-        damp(node, g->state->damping, node->factor);
+        damp(g->state, node, node->factor);
     }
     for (uint32_t k = 0; k < g->state->ordered; k++) {
         uint32_t at = g->order[k];
@@ -129,7 +133,7 @@ static void apply_system(struct fv_pose_graph *g)
         struct fv_graph_node *node = &g->nodes[g->order[k]];
         double D[49];
         memcpy(D, node->diagonal, sizeof D);
-        damp(node, s->damping, D);
+        damp(s, node, D);
         memset(node->image, 0, sizeof node->image);
         add_product(D, false, node->direction, node->image);
     }

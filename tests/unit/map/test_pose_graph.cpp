@@ -115,6 +115,20 @@ struct EdgeError {
     }
 };
 
+static double finish_with_ceres(ceres::Problem *problem)
+{
+    ceres::Solver::Options options;
+    options.max_num_iterations = 200;
+    options.function_tolerance = 1e-15;
+    options.gradient_tolerance = 1e-12;
+    options.parameter_tolerance = 1e-14;
+    options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
+    options.logging_type = ceres::SILENT;
+    ceres::Solver::Summary summary;
+    ceres::Solve(options, problem, &summary);
+    return summary.final_cost;
+}
+
 static double solve_with_ceres(const fv_pose_graph *graph)
 {
     std::vector<double> x(7 * graph->state->node_count);
@@ -129,16 +143,7 @@ static double solve_with_ceres(const fv_pose_graph *graph)
             new ceres::NumericDiffCostFunction<EdgeError, ceres::CENTRAL, 7, 7, 7>(
                 new EdgeError{&graph->edges[e]}),
             nullptr, &x[7 * graph->edges[e].a], &x[7 * graph->edges[e].b]);
-    ceres::Solver::Options options;
-    options.max_num_iterations = 200;
-    options.function_tolerance = 1e-15;
-    options.gradient_tolerance = 1e-12;
-    options.parameter_tolerance = 1e-14;
-    options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-    options.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);
-    return summary.final_cost;
+    return finish_with_ceres(&problem);
 }
 
 static void test_same_cost_as_ceres(void **)
@@ -158,6 +163,104 @@ static void test_same_cost_as_ceres(void **)
         assert_true(graph.state->cost < 0.9 * graph.state->cost_at_start);
         if (!(fabs(graph.state->cost - expected) <= 1e-6 * expected))
             fail_msg("graph %d: cost %.12g, Ceres %.12g", n, graph.state->cost, expected);
+        free(memory);
+    }
+}
+
+/* The same where roll and pitch are held: 5 variables of a node, or with one unit of length 4. */
+struct UprightError {
+    const fv_pose_graph *graph;
+    const fv_graph_edge *edge;
+    std::vector<fv_sim3> start;
+    fv_sim3 at(uint32_t node, const double *x) const
+    {
+        const fv_sim3 &from = start[node];
+        double down[3], turn[3], R[9];
+        fv_sim3 S;
+        fv_rotate3(from.R, graph->state->down, down);
+        for (int i = 0; i < 3; i++)
+            turn[i] = x[3] * down[i];
+        fv_so3_exp(turn, R);
+        fv_multiply33(R, from.R, S.R);
+        fv_copy3(x, S.t);
+        S.s = fv_exp(x[4]);
+        return S;
+    }
+    bool operator()(const double *a, const double *b, double *residual) const
+    {
+        fv_sim3 A = at(edge->a, a), E;
+        const fv_sim3 B = at(edge->b, b);
+        fv_sim3_invert(&A, &A);
+        fv_sim3_compose(&B, &A, &E);
+        fv_sim3_compose(&edge->S_a_b, &E, &E);
+        fv_sim3_log(&E, residual);
+        for (int i = 0; i < 7; i++)
+            residual[i] *= sqrt(edge->weight[i < 3 ? 0 : i < 6 ? 1 : 2]);
+        return true;
+    }
+};
+
+static double solve_upright_with_ceres(const fv_pose_graph *graph)
+{
+    std::vector<double> x(5 * graph->state->node_count);
+    std::vector<fv_sim3> start;
+    ceres::Problem problem;
+    for (uint32_t n = 0; n < graph->state->node_count; n++) {
+        start.push_back(graph->nodes[n].S);
+        fv_copy3(graph->nodes[n].S.t, &x[5 * n]);
+        x[5 * n + 4] = log(graph->nodes[n].S.s);
+        problem.AddParameterBlock(&x[5 * n], 5);
+        if (graph->nodes[n].fixed)
+            problem.SetParameterBlockConstant(&x[5 * n]);
+        else if (graph->state->rigid)
+            problem.SetManifold(&x[5 * n], new ceres::SubsetManifold(5, {4}));
+    }
+    for (uint32_t e = 0; e < graph->state->edge_count; e++)
+        problem.AddResidualBlock(
+            new ceres::NumericDiffCostFunction<UprightError, ceres::CENTRAL, 7, 5, 5>(
+                new UprightError{graph, &graph->edges[e], start}),
+            nullptr, &x[5 * graph->edges[e].a], &x[5 * graph->edges[e].b]);
+    return finish_with_ceres(&problem);
+}
+
+/* Tilts of the nodes against `down`, before and after. */
+static void test_upright_as_ceres(void **)
+{
+    fv_random random;
+    fv_random_seed(&random, 23);
+    for (int n = 0; n < 6; n++) {
+        fv_pose_graph graph;
+        void *memory = make_graph(&graph);
+        std::vector<fv_sim3> truth;
+        make_ring(&graph, &random, 20 + 20 * n, n % 2 ? 0.03 : 0.01, n < 2 ? 1 : 3, &truth);
+        graph.state->rigid = n > 2;
+        graph.state->upright = 1;
+        const double down[3] = {0.36, -0.48, 0.8};
+        fv_copy3(down, graph.state->down);
+        for (uint32_t k = 0; k < graph.state->node_count && n > 2; k++)
+            graph.nodes[k].S.s = 1;
+        for (uint32_t e = 0; e < graph.state->edge_count && n > 2; e++)
+            graph.edges[e].S_a_b.s = 1;
+        std::vector<fv_sim3> before;
+        for (uint32_t k = 0; k < graph.state->node_count; k++)
+            before.push_back(graph.nodes[k].S);
+        const double expected = solve_upright_with_ceres(&graph);
+        assert_true(fv_pose_graph_start(&graph));
+        finish(&graph);
+        assert_true(graph.state->cost < 0.99 * graph.state->cost_at_start);
+        if (!(fabs(graph.state->cost - expected) <= 1e-6 * expected))
+            fail_msg("graph %d: cost %.12g, Ceres %.12g", n, graph.state->cost, expected);
+        double most = 0, turned = 0;
+        for (uint32_t k = 0; k < graph.state->node_count; k++) {
+            double was[3], is[3], off[3];
+            fv_rotate3(before[k].R, down, was);
+            fv_rotate3(graph.nodes[k].S.R, down, is);
+            fv_subtract3(was, is, off);
+            most = fmax(most, fv_norm3(off));
+            turned = fmax(turned, fabs(before[k].R[0] - graph.nodes[k].S.R[0]));
+            assert_true(n < 3 || graph.nodes[k].S.s == 1);
+        }
+        assert_true(most < 1e-12 && turned > 1e-3);
         free(memory);
     }
 }
@@ -246,6 +349,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_same_cost_as_ceres),
+        cmocka_unit_test(test_upright_as_ceres),
         cmocka_unit_test(test_truth_without_noise),
         cmocka_unit_test(test_edges_of_use),
         cmocka_unit_test(test_largest),
