@@ -237,7 +237,7 @@ cross:  ## build for aarch64 and run the tests under qemu-user
 # tests/replay/everywhere.sh, and the campaign runs all (its part `cross`). These and unit/drivers/test_sim_imu take minutes each
 # under an emulator: that runs with two cameras, an IMU and the simulated IMU itself have the same bits on ARM is what everywhere.sh sees.
 # The parts of test_kept_grid and test_regained_grid are run there by test_free_space, test_recall and test_archive_grid.
-LONG_TESTS = unit/runtime/test_stereo unit/runtime/test_inertial unit/runtime/test_held_turns unit/runtime/test_calibration unit/odometry/test_agreement unit/odometry/test_usable unit/runtime/test_kept_grid unit/runtime/test_regained_grid
+LONG_TESTS = unit/runtime/test_stereo unit/runtime/test_upright_closure unit/runtime/test_inertial unit/runtime/test_held_turns unit/runtime/test_calibration unit/odometry/test_agreement unit/odometry/test_usable unit/runtime/test_kept_grid unit/runtime/test_regained_grid
 CORE_TESTS = $(filter-out $(LONG_TESTS) unit/app/% unit/campaign/% unit/web/% unit/drivers/% transport/% realtime/%,$(TESTS_C:tests/%.c=%)) unit/drivers/test_sim unit/drivers/test_fault unit/drivers/test_fault_schedule
 .PHONY: cross-core
 cross-core:  ## build for aarch64 and run the tests of the runtime's rooms under qemu-user

@@ -111,6 +111,17 @@ void fv_se3_part(const struct fv_se3 *whole, double fraction, struct fv_se3 *par
     fv_so3_exp(turn, part->R);
 }
 
+void fv_so3_between(const double from[3], const double to[3], double R[9])
+{
+    double turn[3];
+    fv_cross3(from, to, turn);
+    const double sine = fv_norm3(turn);
+    const double factor = sine > 0 ? fv_atan2(sine, fv_dot3(from, to)) / sine : 0;
+    for (int i = 0; i < 3; i++)
+        turn[i] *= factor;
+    fv_so3_exp(turn, R);
+}
+
 void fv_so3_orthonormalise(double R[9])
 {
     for (int step = 0; step < 2; step++) {

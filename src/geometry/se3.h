@@ -39,6 +39,8 @@ void fv_se3_apply_inverse(const struct fv_se3 *T, const double point[3], double 
 /* Rodrigues' formula, and its inverse with angles in [0, pi]. */
 void fv_so3_exp(const double rotation_rad[3], double R[9]);
 void fv_so3_log(const double R[9], double rotation_rad[3]);
+/* The least turn that takes one unit vector to another, which is not against it. */
+void fv_so3_between(const double from[3], const double to[3], double R[9]);
 
 /* T <- (exp(rotation), translation) T: a small motion on the left, not coupled (retraction for
  * optimisers).

@@ -89,6 +89,14 @@ bool fv_sim3_search_more(struct fv_sim3_search *search,
 uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t count, double limit,
                         int steps, bool rigid, struct fv_sim3 *S_a_b);
 
+/* Where gravity is known: turn S_a_b, as little as may be, so that it takes the unit vector down_b
+ * to down_a, then refine what that leaves open, a turn about down_a, the translation and unless
+ * `rigid` the scale, on those marked as inliers, which stay marked. False: the system is singular.
+ */
+bool fv_sim3_level(const struct fv_correspondence *correspondences, uint32_t count, int steps,
+                   bool rigid, const double down_a[3], const double down_b[3],
+                   struct fv_sim3 *S_a_b);
+
 /* How sure S_a_b is, by the weights of the inliers' pixels and distances. */
 struct fv_sim3_certainty {
     double turn_sigma; /* rad, all axes together: large where all that meets lies far off in one

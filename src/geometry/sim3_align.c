@@ -255,14 +255,45 @@ static void hold_scale(double H[49], double g[7])
     g[6] = 0;
 }
 
+/* Of a turn what is about `down`. */
+static void keep_about(const double down[3], double turn[3])
+{
+    const double about = fv_dot3(down, turn);
+    for (int i = 0; i < 3; i++)
+        turn[i] = about * down[i];
+}
+
+/* Turns go about `down` alone; H is filled below its diagonal. */
+static void hold_tilt(const double down[3], double H[49], double g[7])
+{
+    double by[7];
+    for (int k = 0; k < 7; k++) { /* H down, for the rows of the turn and of the rest */
+        by[k] = 0;
+        for (int i = 0; i < 3; i++)
+            by[k] += H[k > 3 + i ? 7 * k + 3 + i : 7 * (3 + i) + k] * down[i];
+    }
+    const double own = down[0] * by[3] + down[1] * by[4] + down[2] * by[5];
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 3; k++)
+            H[7 * (3 + i) + k] = down[i] * by[k];
+        for (int k = 0; k <= i; k++)
+            H[7 * (3 + i) + 3 + k] = own * down[i] * down[k] + (i == k) - down[i] * down[k];
+        H[42 + 3 + i] = down[i] * by[6];
+    }
+    keep_about(down, g + 3);
+}
+
+/* `down`: the only axis of turns, in the axes of a; NULL: all are free. */
 static bool sim3_step(const struct fv_correspondence *correspondences, uint32_t count, bool rigid,
-                      struct fv_sim3 *S_a_b)
+                      const double *down, struct fv_sim3 *S_a_b)
 {
     double H[49], g[7];
     struct fv_sim3 step, moved;
     correspondences_system(correspondences, count, S_a_b, H, g);
     if (rigid) hold_scale(H, g);
+    if (down != NULL) hold_tilt(down, H, g);
     if (!fv_ldlt_solve(H, 7, g)) return false;
+    if (down != NULL) keep_about(down, g + 3); /* but for rounding it is */
     fv_so3_exp(g + 3, step.R);
     fv_copy3(g, step.t);
     step.s = fv_exp(g[6] > 1 ? 1 : g[6] < -1 ? -1 : g[6]);
@@ -278,7 +309,7 @@ uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t coun
     struct fv_sim3 S = *S_a_b, inverse;
     if (rigid) S.s = 1;
     for (int step = 0; step < steps; step++)
-        if (!sim3_step(correspondences, count, rigid, &S)) return 0;
+        if (!sim3_step(correspondences, count, rigid, NULL, &S)) return 0;
     uint32_t inliers = 0;
     fv_sim3_invert(&S, &inverse);
     for (uint32_t i = 0; i < count; i++) {
@@ -287,6 +318,21 @@ uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t coun
     }
     *S_a_b = S;
     return inliers;
+}
+
+bool fv_sim3_level(const struct fv_correspondence *correspondences, uint32_t count, int steps,
+                   bool rigid, const double down_a[3], const double down_b[3],
+                   struct fv_sim3 *S_a_b)
+{
+    struct fv_sim3 S = *S_a_b;
+    double turned[3], R[9];
+    fv_rotate3(S.R, down_b, turned);
+    fv_so3_between(turned, down_a, R);
+    fv_multiply33(R, S_a_b->R, S.R);
+    for (int step = 0; step < steps; step++)
+        if (!sim3_step(correspondences, count, rigid, down_a, &S)) return false;
+    *S_a_b = S;
+    return true;
 }
 
 void fv_sim3_judge(const struct fv_correspondence *correspondences, uint32_t count,

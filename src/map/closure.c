@@ -16,16 +16,13 @@ enum {
     CORRESPONDENCES_MIN = 25, /* that agree after the guided search */
     FOUND_MIN = 40,           /* landmarks of the group found in the keyframe */
     FOUND_BEFORE_MIN = 30,    /* in one before it */
-    ASKED_BEFORE_MAX = 4,
-    BELIEF_KEYFRAMES = 6 /* keyframes for which a confirmation waits for the next */
+    ASKED_BEFORE_MAX = 4
 };
 
 static const double least_score = 0.1 * FV_PLACE_ONE;
 static const double score_fraction =
     0.6; /* of the worst neighbour's score, that a candidate must reach */
 static const double found_fraction_min = 0.3; /* of the group's visible landmarks */
-static const double scale_log_max = 0.7;      /* within one map: drift does not double lengths */
-static const double turn_max_rad = 0.6;
 /* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its
  * few degrees allow. */
 static const double turn_sigma_max_rad = 0.02;
@@ -33,8 +30,6 @@ static const double turn_sigma_max_rad = 0.02;
  * the drift over the keyframes that placed the landmarks: up to 1.1 % where .3 % of the way is. */
 static const double scale_sigmas_max = 3, scale_sigma_least = 0.01;
 static const double distance_sigma_least = 0.01;
-static const double drift_fraction_max = 0.1; /* of the path since the candidate */
-static const double drift_slack = 0.3;        /* of the median depth */
 
 /* ---- memory ---------------------------------------------------------------------------------- */
 
@@ -351,71 +346,6 @@ static void refine_unit(struct fv_closure *closure, struct fv_map *map)
     s->phase = FV_CLOSURE_GUIDED;
 }
 
-/* ---- plausibility ---------------------------------------------------------------------------- */
-
-/* Correction of the keyframe's world that makes S_keyframe_candidate true. */
-static void correction_between(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
-                               const struct fv_sim3 *S_keyframe_candidate,
-                               struct fv_sim3 *correction)
-{
-    struct fv_sim3 T, wanted; /* S_keyframe_newworld */
-    fv_sim3_from_se3(&map->keyframes[candidate].T_cam_world, 1, &T);
-    fv_sim3_compose(S_keyframe_candidate, &T, &wanted);
-    fv_sim3_from_se3(&map->keyframes[keyframe].T_cam_world, 1, &T);
-    fv_sim3_invert(&wanted, &wanted);
-    fv_sim3_compose(&wanted, &T, correction);
-}
-
-static void centre_of(const struct fv_keyframe *keyframe, double centre[3])
-{
-    const double origin[3] = {0, 0, 0};
-    fv_se3_apply_inverse(&keyframe->T_cam_world, origin, centre);
-}
-
-/* How far the keyframes came since the candidate was made, from parent to parent. */
-static double path_since(const struct fv_map *map, uint32_t keyframe, uint64_t number)
-{
-    double length = 0;
-    uint32_t at = keyframe;
-    for (uint32_t n = 0; n < map->limits.keyframes && map->keyframes[at].number > number; n++) {
-        int32_t parent = map->keyframes[at].parent;
-        if (parent == FV_MAP_NONE || !map->keyframes[parent].used) break;
-        double here[3], there[3], between[3];
-        centre_of(&map->keyframes[at], here);
-        centre_of(&map->keyframes[parent], there);
-        fv_subtract3(here, there, between);
-        length += fv_norm3(between);
-        at = (uint32_t)parent;
-    }
-    return length;
-}
-
-/* Shift, rotation and scale (as a logarithm) of a similarity at a position. */
-static void effect(const struct fv_sim3 *S, const double position[3], double *shift, double *turn,
-                   double *scale)
-{
-    double moved[3], between[3], rotation[3];
-    fv_sim3_apply(S, position, moved);
-    fv_subtract3(moved, position, between);
-    fv_so3_log(S->R, rotation);
-    *shift = fv_norm3(between);
-    *turn = fv_norm3(rotation);
-    *scale = fv_abs(fv_log(S->s));
-}
-
-bool fv_closure_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
-                          const struct fv_sim3 *correction)
-{
-    const struct fv_keyframe *k = &map->keyframes[keyframe], *c = &map->keyframes[candidate];
-    double centre[3], shift, turn, scale;
-    if (k->map_id != c->map_id) return correction->s > 0.02 && correction->s < 50;
-    centre_of(k, centre);
-    effect(correction, centre, &shift, &turn, &scale);
-    return turn < turn_max_rad && scale < scale_log_max &&
-           shift <
-               drift_fraction_max * path_since(map, keyframe, c->number) + drift_slack * k->depth;
-}
-
 /* ---- confirmations --------------------------------------------------------------------------- */
 
 static bool enough_found(const struct fv_closure_state *s, uint32_t least)
@@ -423,31 +353,12 @@ static bool enough_found(const struct fv_closure_state *s, uint32_t least)
     return s->found >= least && s->found >= found_fraction_min * s->visible;
 }
 
-/* Whether a correction says the same as what is believed, at the offered keyframe. */
-static bool same_correction(const struct fv_map *map, const struct fv_closure_state *s)
-{
-    const struct fv_closure_belief *belief = &s->belief;
-    const struct fv_keyframe *k = &map->keyframes[s->keyframe.slot];
-    if (belief->confirmations == 0 || !fv_closure_holds(map, belief->candidate) ||
-        k->number > belief->number + BELIEF_KEYFRAMES ||
-        map->keyframes[belief->candidate.slot].map_id !=
-            map->keyframes[s->candidates[s->candidate].slot].map_id)
-        return false;
-    struct fv_sim3 inverse, off;
-    double centre[3], shift, turn, scale;
-    fv_sim3_invert(&belief->correction, &inverse);
-    fv_sim3_compose(&inverse, &s->correction, &off);
-    centre_of(k, centre);
-    effect(&off, centre, &shift, &turn, &scale);
-    return shift < 0.1 * k->depth && turn < 0.05 && scale < 0.1;
-}
-
 /* The keyframe has been confirmed, and what came before it was asked: believe, or wait for more. */
 static void judge_confirmation(struct fv_closure *closure, const struct fv_map *map)
 {
     struct fv_closure_state *s = closure->state;
     uint32_t confirmations = 1 + s->seen_before;
-    if (same_correction(map, s)) confirmations += s->belief.confirmations;
+    if (fv_closure_same(map, s)) confirmations += s->belief.confirmations;
     s->belief = (struct fv_closure_belief){.candidate = s->candidates[s->candidate],
                                            .correction = s->correction,
                                            .number = map->keyframes[s->keyframe.slot].number,
@@ -458,6 +369,10 @@ static void judge_confirmation(struct fv_closure *closure, const struct fv_map *
     }
     s->belief.confirmations = 0;
     s->next = 0;
+    if (s->levelled) {
+        s->S_keyframe_candidate = s->level;
+        fv_closure_correction(map, s);
+    }
     if (map->keyframes[s->keyframe.slot].map_id ==
         map->keyframes[s->candidates[s->candidate].slot].map_id) {
         fv_closure_graph_begin(closure, map);
@@ -493,7 +408,8 @@ static void guided_done(struct fv_closure *closure, const struct fv_map *map)
         return;
     }
     s->counts.confirmed++;
-    correction_between(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
+    s->levelled = false;
+    fv_closure_correction(map, s);
     if (!fv_closure_plausible(map, s->keyframe.slot, candidate, &s->correction) ||
         !certain(closure, map)) {
         s->counts.implausible++;
@@ -502,7 +418,16 @@ static void guided_done(struct fv_closure *closure, const struct fv_map *map)
     }
     s->next = s->asked = s->seen_before = 0;
     s->before = s->keyframe;
+    s->phase = fv_closure_upright(s, map) ? FV_CLOSURE_LEVEL : FV_CLOSURE_BEFORE;
+}
+
+static void level_unit(struct fv_closure *closure, const struct fv_map *map)
+{
+    struct fv_closure_state *s = closure->state;
     s->phase = FV_CLOSURE_BEFORE;
+    if (fv_closure_level(closure, map, is_rigid(s, map))) return;
+    s->counts.implausible++;
+    next_candidate(s);
 }
 
 /* Ask the next keyframe before the offered one; when there is none, or enough have been asked,
@@ -572,6 +497,9 @@ bool fv_closure_unit(struct fv_closure *closure, struct fv_map *map,
         if (fv_closure_search_group(closure, map, kernels, s->keyframe.slot,
                                     &s->S_keyframe_candidate))
             guided_done(closure, map);
+        break;
+    case FV_CLOSURE_LEVEL:
+        level_unit(closure, map);
         break;
     case FV_CLOSURE_BEFORE:
         before_unit(closure, map, kernels);

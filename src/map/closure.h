@@ -14,11 +14,23 @@
  * of the older one as a whole. In maps whose unit is the metre by two cameras (fv_map_metric_of)
  * corrections are motions, of 6 degrees of freedom, and where the landmarks say that the scale is
  * not 1, the place is another. A map of another unit that one in metres meets comes to metres: when
- * it is the older one, its lengths change, and origin and axes stay. The commit is one bounded
- * unit: keyframes move by their own correction (those made since by that of the nearest ancestor
- * that has one), landmarks with their reference keyframe, the frame in work with its parent; the
- * jump goes to S_map_world, so that the pose in `odom` does not. Then landmarks that are the same
- * thing are fused.
+ * it is the older one, its lengths change, and origin and axes stay.
+ *
+ * Where the maps of both keyframes know of gravity (fv_map_gravity_of: a unit vector in the axes of
+ * the map, its standard deviation in rad), corrections keep it. The relation is levelled: turned so
+ * that it takes gravity in the one camera to gravity in the other, and refined in what that leaves
+ * open. Keyframes turn about gravity alone (pose_graph.h), and so does the younger of two maps
+ * against the older one. In metres by two cameras that leaves 4 degrees of freedom, yaw and
+ * position, as in T. Qin, P. Li, S. Shen, "VINS-Mono" (T-RO 2018). In a map by one camera the scale
+ * is a fifth, also where an inertial sensor has shown its metres: its unit drifts on the way, and
+ * closures that hold it leave keyframes off by 1.2 to 4 times as much (sim:corridor). A relation
+ * that tilts the ends by more than gravity is known to is another place. A map that knows nothing
+ * of gravity learns it from the one that it is merged with by all its degrees of freedom.
+ *
+ * The commit is one bounded unit: keyframes move by their own correction (those made since by that
+ * of the nearest ancestor that has one), landmarks with their reference keyframe, the frame in work
+ * with its parent; the jump goes to S_map_world, so that the pose in `odom` does not. Then
+ * landmarks that are the same thing are fused.
  *
  * Steps after R. Mur-Artal, J. Montiel, J. Tardos, "ORB-SLAM" (T-RO 2015), section VII, and C.
  * Campos et al., "ORB-SLAM3" (T-RO 2021), section VI. State holds no addresses. Real-time safe;
@@ -51,11 +63,12 @@ enum fv_closure_phase {
     FV_CLOSURE_REFINE =
         3, /* the best of them, then the landmarks around the candidate are gathered */
     FV_CLOSURE_GUIDED = 4, /* the group's landmarks in the keyframe's image */
-    FV_CLOSURE_BEFORE = 5, /* the same in keyframes made before it */
-    FV_CLOSURE_GRAPH = 6,  /* the essential graph, some keyframes per unit */
-    FV_CLOSURE_SOLVE = 7,
-    FV_CLOSURE_COMMIT = 8,
-    FV_CLOSURE_FUSE = 9
+    FV_CLOSURE_LEVEL = 5,  /* the relation against gravity, where both maps know that */
+    FV_CLOSURE_BEFORE = 6, /* as guided, in keyframes made before it */
+    FV_CLOSURE_GRAPH = 7,  /* the essential graph, some keyframes per unit */
+    FV_CLOSURE_SOLVE = 8,
+    FV_CLOSURE_COMMIT = 9,
+    FV_CLOSURE_FUSE = 10
 };
 
 /* A keyframe or landmark by slot; the generation shows when the slot was given to another. */
@@ -84,6 +97,7 @@ struct fv_closure_state {
     struct fv_map_handle keyframe, candidates[FV_CLOSURE_CANDIDATES_MAX];
     struct fv_closure_belief belief;
     struct fv_sim3 S_keyframe_candidate; /* cameras */
+    struct fv_sim3 level;                /* the same without what it tilts them against gravity */
     struct fv_sim3 correction;
     struct fv_sim3_search search;
     struct fv_random random;
@@ -94,6 +108,7 @@ struct fv_closure_state {
     struct fv_map_handle before; /* keyframe that is asked after the offered one */
     uint32_t asked, seen_before;
     uint32_t fuse_count, fuse_at;
+    uint32_t levelled; /* `level` is known */
     struct fv_map_handle fuse_into[FV_CLOSURE_FUSED_INTO];
     struct fv_closure_counts counts;
 };
@@ -161,6 +176,15 @@ double fv_closure_distance_sigma(const struct fv_landmark *l, const double A[6],
 bool fv_closure_search_group(struct fv_closure *closure, const struct fv_map *map,
                              const struct fv_kernels *kernels, uint32_t slot,
                              const struct fv_sim3 *S_keyframe_candidate);
+/* Correction of the keyframe's world that makes S_keyframe_candidate true. */
+void fv_closure_correction(const struct fv_map *map, struct fv_closure_state *state);
+/* Whether it says the same as what is believed, at the offered keyframe. */
+bool fv_closure_same(const struct fv_map *map, const struct fv_closure_state *state);
+/* Whether the maps of both keyframes know of gravity; and then: find `level` by the inliers, which
+ * takes the one's to the other's. False: the relation contradicts gravity, so it is another place.
+ */
+bool fv_closure_upright(const struct fv_closure_state *state, const struct fv_map *map);
+bool fv_closure_level(struct fv_closure *closure, const struct fv_map *map, bool rigid);
 /* Whether drift may have been that large. */
 bool fv_closure_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
                           const struct fv_sim3 *correction);

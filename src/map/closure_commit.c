@@ -28,6 +28,7 @@ void fv_closure_graph_begin(struct fv_closure *closure, const struct fv_map *map
 {
     struct fv_closure_state *s = closure->state;
     const uint32_t map_id = map->keyframes[s->keyframe.slot].map_id;
+    struct fv_map_gravity gravity;
     uint64_t oldest = UINT64_MAX;
     for (uint32_t k = 0; k < map->limits.keyframes; k++)
         if (map->keyframes[k].used && map->keyframes[k].map_id == map_id &&
@@ -35,6 +36,8 @@ void fv_closure_graph_begin(struct fv_closure *closure, const struct fv_map *map
             oldest = map->keyframes[k].number;
     fv_pose_graph_begin(&closure->graph);
     closure->graph.state->rigid = fv_map_metric_of(map, map_id);
+    closure->graph.state->upright = fv_map_gravity_of(map, map_id, &gravity);
+    if (closure->graph.state->upright) fv_copy3(gravity.down, closure->graph.state->down);
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
         closure->node_of[k] = -1;
@@ -257,12 +260,47 @@ static void bring_together(struct fv_closure *closure, struct fv_map *map, uint3
     outcome->stretch = stretch.s;
 }
 
+/* Gravity in the map that two become, in the axes of the older one: as that has it, else as the
+ * younger. False: neither knows. */
+static bool find_gravity(const struct fv_map *map, const struct fv_closure_state *s, uint32_t own,
+                         uint32_t others, struct fv_map_gravity *gravity)
+{
+    const double *R = s->correction.R; /* from the axes of `own` to those of `others` */
+    struct fv_map_gravity known;
+    if (fv_map_gravity_of(map, own > others ? others : own, gravity)) return true;
+    if (!fv_map_gravity_of(map, own > others ? own : others, &known)) return false;
+    if (own > others)
+        fv_rotate3(R, known.down, gravity->down);
+    else
+        fv_rotate_back3(R, known.down, gravity->down);
+    gravity->sigma = known.sigma;
+    return true;
+}
+
+/* `odom` frames of that map that know nothing of it. */
+static void share_gravity(struct fv_map_state *s, uint32_t map_id,
+                          const struct fv_map_gravity *gravity)
+{
+    if (s->map_id == map_id && !(s->gravity.sigma > 0)) {
+        fv_rotate_back3(s->S_map_world.R, gravity->down, s->gravity.down);
+        s->gravity.sigma = gravity->sigma;
+    }
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++) {
+        struct fv_map_odom *left = &s->left[i];
+        if (left->map_id != map_id || left->gravity.sigma > 0) continue;
+        fv_rotate_back3(left->S_map_world.R, gravity->down, left->gravity.down);
+        left->gravity.sigma = gravity->sigma;
+    }
+}
+
 void fv_closure_commit(struct fv_closure *closure, struct fv_map *map,
                        struct fv_closure_outcome *outcome)
 {
     struct fv_closure_state *s = closure->state;
     const uint32_t keyframe = s->keyframe.slot, candidate = s->candidates[s->candidate].slot;
     const uint32_t own = map->keyframes[keyframe].map_id, others = map->keyframes[candidate].map_id;
+    struct fv_map_gravity gravity;
+    const bool upright = own != others && find_gravity(map, s, own, others, &gravity);
     outcome->stretch = 1;
     list_fusing(s, map);
     if (own == others) {
@@ -282,7 +320,10 @@ void fv_closure_commit(struct fv_closure *closure, struct fv_map *map,
     const uint32_t current = fv_map_current(map);
     outcome->committed = true;
     fv_sim3_identity(&outcome->S_new_current);
-    if (!closure->corrected[current]) return;
-    outcome->S_new_current = closure->corrections[current];
-    fv_sim3_compose(&outcome->S_new_current, &map->state->S_map_world, &map->state->S_map_world);
+    if (closure->corrected[current]) {
+        outcome->S_new_current = closure->corrections[current];
+        fv_sim3_compose(&outcome->S_new_current, &map->state->S_map_world,
+                        &map->state->S_map_world);
+    }
+    if (upright) share_gravity(map->state, own > others ? others : own, &gravity);
 }

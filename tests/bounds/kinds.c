@@ -112,6 +112,8 @@ static enum kind kind_of_closure(const struct fv_closure *closure)
         return KIND_CLOSURE_REFINE;
     case FV_CLOSURE_GUIDED:
         return KIND_CLOSURE_GUIDED;
+    case FV_CLOSURE_LEVEL:
+        return KIND_CLOSURE_LEVEL;
     case FV_CLOSURE_BEFORE:
         return KIND_CLOSURE_BEFORE;
     case FV_CLOSURE_GRAPH:

@@ -27,6 +27,7 @@
     KIND(CLOSURE_SAMPLE, "closure: sample")                                                        \
     KIND(CLOSURE_REFINE, "closure: refine")                                                        \
     KIND(CLOSURE_GUIDED, "closure: guided")                                                        \
+    KIND(CLOSURE_LEVEL, "closure: level")                                                          \
     KIND(CLOSURE_BEFORE, "closure: before")                                                        \
     KIND(CLOSURE_GRAPH, "closure: graph")                                                          \
     KIND(CLOSURE_LINEARISE, "closure: linearise")                                                  \

@@ -56,6 +56,14 @@ static void refine_all(void *context)
                          1e300, 3, false, &c->S);
 }
 
+static void level_all(void *context)
+{
+    static const double down[3] = {0, 1, 0};
+    struct closing *c = context;
+    (void)fv_sim3_level(c->closure->correspondences, c->closure->state->correspondence_count, 3,
+                        false, down, down, &c->S);
+}
+
 static void group(void *context)
 {
     struct closing *c = context;
@@ -67,7 +75,7 @@ static void plausible(void *context)
     struct closing *c = context;
     const struct fv_closure_state *s = c->closure->state;
     (void)fv_closure_plausible(c->map, s->keyframe.slot, s->candidates[0].slot, &c->S);
-    (void)same_correction(c->map, s);
+    (void)fv_closure_same(c->map, s);
     fv_sim3_judge(c->closure->correspondences, s->correspondence_count, &c->S, &c->certainty);
 }
 
@@ -118,4 +126,5 @@ void pieces_of_closure(struct fovea *rt)
     for (uint32_t i = 0; i < s->correspondence_count; i++)
         o->closure.correspondences[i].inlier = true;
     NOTE(closure_judged, plausible, &c, 1);
+    NOTE(similarity_levelled, level_all, &c, 1);
 }

@@ -60,6 +60,7 @@ static void make_graph(struct committing *c)
     const uint32_t keyframes = c->map->limits.keyframes;
     struct fv_closure_state *s = c->closure->state;
     full_map_fill(&c->rt->odometry, FV_MAP_OBSERVERS_MAX);
+    c->map->state->gravity = (struct fv_map_gravity){{0, 1, 0}, 0.01}; /* tilts are held */
     for (uint32_t i = 0; i < FV_MAP_EDGES_MAX; i++)
         fv_map_add_edge(c->map, i % keyframes, (i + keyframes / 2) % keyframes);
     s->keyframe =

@@ -127,6 +127,7 @@
     ROW(similarity_tested, "a correspondence tested")                                              \
     ROW(similarity_judged, "the best similarity judged on all correspondences")                    \
     ROW(similarity_refined, "a similarity refined on all correspondences, three steps")            \
+    ROW(similarity_levelled, "a similarity levelled on all correspondences, three steps")          \
     ROW(group_gathered, "landmarks around a candidate gathered")                                   \
     ROW(closure_judged, "whether a closure is plausible, certain and believed already")            \
     ROW(group_begun, "a guided search begun")                                                      \

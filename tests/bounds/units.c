@@ -127,6 +127,8 @@ static void derive_closure(const struct capacities *c)
     TERM(b, BOUND_ALWAYS, CLOSURE_GROUP, group_searched);
     TERM(b, BOUND_ALWAYS, CLOSURE_REFINEMENTS, similarity_refined);
     TERM(b, BOUND_ALWAYS, 1, closure_judged);
+    b = bound_of("closure: level");
+    TERM(b, BOUND_ALWAYS, 1, similarity_levelled);
     b = bound_of("closure: before");
     b->ways[1] = "the next asked";
     b->ways[2] = "judged, and the graph begun";

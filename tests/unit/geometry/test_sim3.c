@@ -406,6 +406,63 @@ static void test_certainty_of_scale(void **context)
     assert_true(certainty.log_scale == 0 && certainty.scale_sigma > 1e300);
 }
 
+/* Gravity of the one is that of the other to the last bit but rounding, also where it is wrong by
+ * a degree; what that leaves open is found, from wherever it begins. */
+static void test_level_relation(void **context)
+{
+    (void)context;
+    struct fv_random random;
+    fv_random_seed(&random, 29);
+    static struct fv_correspondence correspondences[CORRESPONDENCES];
+    for (int n = 0; n < 40; n++) {
+        const bool rigid = n % 2 != 0, wrong = n % 4 > 1;
+        struct fv_sim3 truth, found, off, inverse;
+        double x[7], b[3], a[3], is[3], tilt[9], turn[3];
+        random_similarity(&random, &truth);
+        if (rigid) truth.s = 1;
+        make_correspondences(&random, 0, 0.7, 0.005, &truth, correspondences);
+        for (int i = 0; i < 3; i++) {
+            b[i] = fv_random_normal(&random);
+            turn[i] = 0.01 * fv_random_normal(&random);
+        }
+        (void)fv_normalise3(b);
+        fv_rotate3(truth.R, b, a);
+        fv_so3_exp(turn, tilt);
+        if (wrong) {
+            fv_rotate3(tilt, a, is);
+            fv_copy3(is, a);
+        }
+        for (int i = 0; i < CORRESPONDENCES; i++)
+            correspondences[i].inlier = true;
+        found = truth;
+        fv_multiply33(tilt, truth.R, found.R);
+        assert_true(fv_sim3_level(correspondences, CORRESPONDENCES, 30, rigid, a, b, &found));
+        assert_true(rigid == (found.s == 1));
+        fv_rotate3(found.R, b, is);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(is[i] - a[i]) < 1e-12);
+        struct fv_sim3 again = truth; /* from another turn about it, and place */
+        for (int i = 0; i < 3; i++) {
+            turn[i] = 0.02 * a[i];
+            again.t[i] += 0.05;
+        }
+        fv_so3_exp(turn, tilt);
+        fv_multiply33(tilt, truth.R, again.R);
+        assert_true(fv_sim3_level(correspondences, CORRESPONDENCES, 30, rigid, a, b, &again));
+        fv_sim3_invert(&again, &inverse);
+        fv_sim3_compose(&inverse, &found, &off);
+        fv_sim3_log(&off, x);
+        for (int i = 0; i < 7; i++)
+            if (!(fabs(x[i]) < 1e-4)) fail_msg("%d: x[%d] %g", n, i, x[i]);
+        if (wrong) continue;
+        fv_sim3_invert(&truth, &inverse);
+        fv_sim3_compose(&inverse, &found, &off);
+        fv_sim3_log(&off, x);
+        assert_true(sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5]) < 0.003);
+        assert_true(sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) < 0.015 * 5 / truth.s);
+    }
+}
+
 /* Chance alone does not make a similarity. */
 static void test_search_without_truth(void **context)
 {
@@ -434,6 +491,7 @@ int main(void)
         cmocka_unit_test(test_group),
         cmocka_unit_test(test_alignment_exact),
         cmocka_unit_test(test_search_and_refinement),
+        cmocka_unit_test(test_level_relation),
         cmocka_unit_test(test_rigid_refinement),
         cmocka_unit_test(test_errors_along_the_ray),
         cmocka_unit_test(test_certainty_of_turn),
