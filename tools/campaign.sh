@@ -190,9 +190,10 @@ armed() {
     make --no-print-directory "$build/tests/realtime/test_armed" && FOVEA_LONG=1 "$build/tests/realtime/test_armed"
 }
 
-# Damaged .tflite files, imported and run under asan+ubsan.
-mutants() { # mutants COUNT
-    tests/import/mutants.sh "$1"
+# Damaged .tflite files, imported and run, and damaged model files, both under asan+ubsan.
+mutants() { # mutants COUNT MODELS
+    tests/import/mutants.sh "$1" || return 1
+    make --no-print-directory BUILD=build-asan SAN=asan build-asan/tests/unit/nn/test_model && FOVEA_MUTANTS=$2 build-asan/tests/unit/nn/test_model
 }
 
 # No unit of a network takes more than 0.25 ms. It judges times: on the machine that tools/import/costs.txt names, or a faster one.
@@ -226,7 +227,7 @@ if [ -n "$sample" ]; then
     part packets packets 50000
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-6}"
     part networks tools/check_networks.sh "$build" 1 best
-    part mutants mutants 100
+    part mutants mutants 100 1000
     part drive-network drive_network 7001 1 1
 else
     part realtime realtime 36000 1
@@ -263,7 +264,7 @@ else
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40
     part public python3 tests/import/public.py "$build"
-    part mutants mutants 2000
+    part mutants mutants 2000 20000
     part units units
     part honest honest 10
     part calibration calibration 100
