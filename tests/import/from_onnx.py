@@ -19,15 +19,15 @@ SIDE = 64
 LOSS_MAX = 3.0  # per cent of the output's numbers
 # name: first number of a byte, last, how pictures are fitted, decoder or None: raw outputs
 GOOD = {"classifier": (-1, 1, "stretch", "classifier"), "detector": (0, 1, "letterbox", "yolov8"), "pose": (0, 1, "letterbox", "yolov8_pose"),
-        "two_outputs": (-1, 1, "stretch", None)}
+        "yolox": (0, 255, "letterbox", "yolox"), "two_outputs": (-1, 1, "stretch", None)}
 BROKEN = {"open": "found an input of shape [batch, 3, height, width], expected [1, 3, height, width] in numbers",
           "many": "found an input of 4 pictures, expected 1", "two": "found 2 inputs", "odd": "operator com.example.Wavelet",
           "quantised": "found the operator QuantizeLinear, expected a network of real numbers", "half": "found an input of float16, expected float32"}
 
 
-def prepared(paths, low, high, fit):
+def prepared(paths, low, high, fit, order):
     """As the network sees the pictures, in planes."""
-    reader = Pictures((1, SIDE, SIDE, 3), -low * 255 / (high - low), (high - low) / 255, fit == "letterbox", "rgb")
+    reader = Pictures((1, SIDE, SIDE, 3), -low * 255 / (high - low), (high - low) / 255, fit == "letterbox", order)
     return [reader.read(p).transpose(0, 3, 1, 2) for p in paths]
 
 
@@ -59,13 +59,14 @@ def as_ours(name, theirs):
 def good(bench, onnx_python, name):
     low, high, fit, decoder = GOOD[name]
     paths = [os.path.join(bench.folder, "pictures", f"{i:02}.png") for i in range(3, 40, 4)]
-    values = prepared(paths, low, high, fit)
+    values = prepared(paths, low, high, fit, "bgr" if decoder == "yolox" else "rgb")
     np.save(bench.path("pictures.npy"), np.stack(values))
     subprocess.run([onnx_python, os.path.join(HERE, "onnx_models.py"), bench.folder], check=True, stderr=subprocess.DEVNULL)
     out = bench.path(f"{name}.fvm")
     done = bench.tool("--quantise", bench.path(f"{name}.onnx"), os.path.join(bench.folder, "pictures"), "-o", out, *([] if decoder else ["--decoder", "none"]))
     bench.holds(f"{name} becomes a model file", done.returncode == 0 and os.path.exists(out), done)
     bench.holds(f"{name}: equals onnxruntime before it is quantised", "equals onnxruntime's to" in done.stdout, done.stdout)
+    bench.holds(f"{name}: boxes in pixels are divided, others are not", ("boxes in pixels are divided" in done.stdout) == (name in ("detector", "pose")), done.stdout)
     bench.holds(f"{name}: its decoder is {decoder or 'none'}", f"decoder {decoder}\n" in done.stdout or decoder is None, done.stdout)
     if done.returncode:
         return

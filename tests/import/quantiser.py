@@ -312,6 +312,7 @@ def own_operators(bench):
 def ranges(bench):
     """Pictures of YOLO networks and of known ones that take them as 0 to 1; others take -1 to 1."""
     import quantise
+    import use
     none = dict(fit=None, mean=None, scale=None)
     found = [quantise.habits(none, {}, [1, side, side, 3], [[1, n], [1, 1]]) for side, n in ((224, 63), (192, 1404), (192, 2016 * 18), (128, 896 * 16))]
     bench.holds("networks that are known to take 0 to 1", [f[1] for f in found] == [0, 0, 0, 127.5], found)
@@ -319,6 +320,8 @@ def ranges(bench):
     found = [quantise.habits(none, {}, image, [shape])[:2] for image in ([1, 640, 640, 3], [1, 3, 640, 640]) for shape in shapes]
     bench.holds("and networks whose output has a row for each cell of YOLO's grids",
                 found == 2 * [*3 * [("letterbox", 0)], ("stretch", 127.5)], found)
+    found = quantise.habits(none, {}, [1, 416, 416, 3], [[1, 3549, 6]], "yolox")
+    bench.holds("YOLOX takes the bytes of pictures, blue first", (found, use.order_of("yolox")) == (("letterbox", 0, 1), "bgr"), found)
     dull = os.path.join(bench.folder, "dull")
     os.mkdir(dull)
     pictures(dull, 4, 60, 160)

@@ -86,7 +86,7 @@ def loaded(path):
         kind = onnx.TensorProto.DataType.Name(inputs[0].type.tensor_type.elem_type).lower()
         raise ImportProblem(f"--quantise: found an input of {kind}, expected float32: export without half precision")
     if len(sizes) != 4 or any(not isinstance(n, int) or n < 1 for n in sizes[1:]):
-        raise ImportProblem(f"found an input of shape [{', '.join(map(str, sizes))}], expected [1, 3, height, width] in numbers: {EXPORT}")
+        raise ImportProblem(f"found an input of shape [{', '.join(str(n)[:12] for n in sizes)}], expected [1, 3, height, width] in numbers: {EXPORT}")
     if sizes[0] != 1 and isinstance(sizes[0], int) and sizes[0] > 0:
         raise ImportProblem(f"found an input of {sizes[0]} pictures, expected 1: export with batch=1")
     for node in graph.node:

@@ -6,6 +6,7 @@ import numpy as np
 PASSED = {"Concat", "Reshape", "Transpose", "Squeeze", "Unsqueeze", "Identity"}  # what moves numbers between a head and its output
 CUT = {"Split", "Slice", "Gather", *PASSED} - {"Concat"}                          # what takes numbers out of a tensor
 PIXELS_MIN = 2.0  # scores never reach it, fractions of a picture hardly
+REACH = 0.5  # of the input's size: boxes of all cells in pixels reach beyond it, numbers before their decoding do not
 DEPTH_MAX = 24
 
 
@@ -49,6 +50,19 @@ def values_of(model, names, name, value):
     return dict(zip(names, session.run(names, {name: value})))
 
 
+def in_pixels(found, values, size):
+    """Of what is joined, what is in pixels: where some of a join reaches over the picture, all of it that scores cannot be. YOLOX and others that
+    are decoded later join numbers in cells."""
+    def most(node, k):
+        array = values[node.input[k]]
+        axis = next(a.i for a in node.attribute if a.name == "axis")
+        return np.abs(array).max() if array.ndim >= 2 and array.dtype == np.float32 and array.shape[axis] in (2, 4) else 0
+    reach = {}
+    for node, k in found:
+        reach[id(node)] = max(reach.get(id(node), 0), most(node, k))
+    return [(node, k) for node, k in found if most(node, k) > PIXELS_MIN and reach[id(node)] > REACH * max(size)]
+
+
 def apply(model, name, shape, planar, value):
     """Changes the model; returns how many tensors are divided."""
     import onnx
@@ -58,11 +72,8 @@ def apply(model, name, shape, planar, value):
         return 0
     values = values_of(model, sorted({node.input[k] for node, k in found}), name, value)
     size, count = shape[:1:-1] if planar else shape[2:0:-1], 0
-    for node, k in found:
-        axis = next(a.i for a in node.attribute if a.name == "axis")
-        array = values[node.input[k]]
-        if array.ndim < 2 or array.dtype != np.float32 or array.shape[axis] not in (2, 4) or np.abs(array).max() <= PIXELS_MIN:
-            continue
+    for node, k in in_pixels(found, values, size):
+        axis, array = next(a.i for a in node.attribute if a.name == "axis"), values[node.input[k]]
         factors = np.ones(array.ndim, int)
         factors[axis] = array.shape[axis]
         constant, result = f"fovea_fraction_{count}", f"fovea_fractions_{count}"

@@ -255,12 +255,15 @@ def decoder_of(data, arguments, metadata, labels):
 
 
 def habits(options, metadata, image=(), outputs=(), kind=None):
-    """(fit, mean, scale): as the options (a dictionary) say; else the fit with which the decoder runs, and the range that YOLO networks, known ones
-    of this side and outputs of so many numbers, or most others take."""
+    """(fit, mean, scale): as the options (a dictionary) say; else the fit with which the decoder runs, and the range that YOLOX, other YOLO networks,
+    known ones of this side and outputs of so many numbers, or most others take."""
     known = any((image[2], int(np.prod(shape))) in details.FRACTIONS for shape in outputs) if len(image) == 4 else False
     yolo = metadata.get("task") or has_yolo_head(image, outputs)
     fit = use.fit_of(kind) if kind not in (None, "none") else "letterbox" if yolo else "stretch"
-    ours = (fit, 0.0, 1 / 255) if yolo or known else (fit, 127.5, 1 / 127.5)
+    if kind == "yolox":
+        ours = (fit, 0.0, 1.0)
+    else:
+        ours = (fit, 0.0, 1 / 255) if yolo or known else (fit, 127.5, 1 / 127.5)
     return tuple(usual if options[key] is None else options[key] for key, usual in zip(("fit", "mean", "scale"), ours))
 
 
@@ -273,8 +276,9 @@ def run(path, target, arguments, metadata, labels=()):
     try:
         with quiet():
             data, shape, outputs = prepared(raw)
-            fit, mean, scale = habits(vars(arguments), metadata, shape, outputs, decoder_of(data, arguments, metadata, list(labels)))
-            pictures = Pictures(shape, mean, scale, fit == "letterbox", arguments.order)
+            kind = decoder_of(data, arguments, metadata, list(labels))
+            fit, mean, scale = habits(vars(arguments), metadata, shape, outputs, kind)
+            pictures = Pictures(shape, mean, scale, fit == "letterbox", arguments.order or use.order_of(kind))
             files = listed(arguments.pictures)
             values = [pictures.read(p) for p in files]
             kept = values[HOLD_OUT - 1::HOLD_OUT] if len(values) >= 2 * HOLD_OUT else []

@@ -33,7 +33,7 @@ def add_arguments(parser):
                         help="input IN is the tensor OUT of the run before, at first the real zero; for each state one")
     parser.add_argument("--names", action="store_true", help="print the inputs and each operator's outputs by name, for --outputs and --state, and write nothing")
     parser.add_argument("--fit", choices=["stretch", "letterbox"], help="default: letterbox for YOLO, else stretch")
-    parser.add_argument("--order", choices=list(ORDERS), help="colour order of the input, default rgb (grey for 1)")
+    parser.add_argument("--order", choices=list(ORDERS), help="colour order of the input, default rgb (bgr for YOLOX, grey for 1 channel)")
     parser.add_argument("--mean", type=float, help="subtracted from pixels (0..255); default from the quantisation")
     parser.add_argument("--scale", type=float, help="multiplies (pixel - mean); default from the quantisation")
     parser.add_argument("--score", type=float, help="score threshold, default 0.25, of classifiers 0")
@@ -118,6 +118,11 @@ def fit_of(kind):
     return "letterbox" if kind.startswith(("yolo", "end2end", "movenet", "blaze")) else "stretch"
 
 
+def order_of(kind):
+    """Of an input of three channels: YOLOX reads pictures as OpenCV does. None: as most do."""
+    return "bgr" if kind == "yolox" else None
+
+
 def chosen(evidence, arguments):
     """The decoder's name, and whether it was chosen here; --check compares outputs, whatever reads them."""
     if arguments.decoder:
@@ -166,7 +171,7 @@ def describe(path, graph, net, arguments):
     shape = graph.tensors[graph.inputs[0]].shape
     shape = shape if len(shape) == 4 and max(shape[1:3]) <= SIDE_MAX else (1, 0, 0, 0)
     fit = arguments.fit or fit_of(kind)
-    order = arguments.order or ("grey" if shape[3] == 1 else "rgb")
+    order = arguments.order or ("grey" if shape[3] == 1 else order_of(kind) or "rgb")
     mean, scale = ranges.settled(graph, arguments, kind)
     for name, value in (("--mean", mean), ("--scale", scale)):
         if not abs(value) <= 1e6 or name == "--scale" and value == 0:
