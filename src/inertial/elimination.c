@@ -143,18 +143,49 @@ static void add_tail(struct pair *pair, const double H[TAIL * TAIL], const doubl
     }
 }
 
+/* Two values that belong to the directions across, in others: a row of what stands by them, or a
+ * part of a gradient. */
+static void turn_two(const double B[4], double *a, double *b)
+{
+    const double first = *a * B[0] + *b * B[2], second = *a * B[1] + *b * B[3];
+    *a = first;
+    *b = second;
+}
+
+/* Directions across gravity are chosen by its components: those of now may be others than those
+ * that the prior was made in, by a quarter of a turn where two components are about the same. */
+static void turn_prior(const struct fv_inertial_prior *prior, const struct fv_inertial_own *own,
+                       double H[TAIL * TAIL], double g[TAIL])
+{
+    double then[2][3], now[2][3], B[4];
+    fv_inertial_across(prior->own.down, then);
+    fv_inertial_across(own->down, now);
+    for (int r = 0; r < 2; r++)
+        for (int c = 0; c < 2; c++)
+            B[2 * r + c] = fv_dot3(then[r], now[c]);
+    for (int r = 0; r < TAIL; r++)
+        turn_two(B, &H[r * TAIL + DOWN], &H[r * TAIL + DOWN + 1]);
+    for (int c = 0; c < TAIL; c++)
+        turn_two(B, &H[DOWN * TAIL + c], &H[(DOWN + 1) * TAIL + c]);
+    turn_two(B, &g[DOWN], &g[DOWN + 1]);
+}
+
 static void add_prior(struct pair *pair, const struct fv_inertial *inertial,
                       const struct fv_inertial_station *s)
 {
     const struct fv_inertial_prior *prior = &inertial->state->prior;
-    double x[TAIL], g[TAIL];
+    double x[TAIL], g[TAIL], H[TAIL * TAIL];
     away(prior, &s->now, &inertial->state->shared, x);
+    for (int r = 0; r < TAIL; r++)
+        for (int c = 0; c <= r; c++)
+            H[r * TAIL + c] = H[c * TAIL + r] = prior->H[r * TAIL + c];
     for (int r = 0; r < TAIL; r++) {
         g[r] = prior->g[r];
         for (int c = 0; c < TAIL; c++)
-            g[r] -= (c <= r ? prior->H[r * TAIL + c] : prior->H[c * TAIL + r]) * x[c];
+            g[r] -= H[r * TAIL + c] * x[c];
     }
-    add_tail(pair, prior->H, g);
+    turn_prior(prior, &s->now, H, g);
+    add_tail(pair, H, g);
 }
 
 /* ---- the link between two stations ----------------------------------------------------------- */
