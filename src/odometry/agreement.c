@@ -145,6 +145,15 @@ static uint32_t stride_of(const struct fv_map_frame *frame)
     return (frame->keyframe->features + SAMPLED_MAX - 1) / SAMPLED_MAX;
 }
 
+/* Whether a gyro measured how the camera turned from one keyframe to another. */
+static bool turn_measured(const struct fv_odometry *o, const struct fv_map_frame *a,
+                          const struct fv_map_frame *b)
+{
+    struct fv_turn turn;
+    return o->turns != NULL && o->turns->gyro.bias_sigma > 0 &&
+           fv_turns_between(o->turns, a->keyframe->number, b->keyframe->number, &turn);
+}
+
 /* Hold the matches against the map, and fade what was before. */
 static void judge(struct fv_odometry *o, const struct fv_map_frame *a, const struct fv_map_frame *b,
                   uint32_t sampled)
@@ -184,7 +193,7 @@ static void judge(struct fv_odometry *o, const struct fv_map_frame *a, const str
     s->doubts = misfits(s) ? s->doubts + 1 : 0;
     if (fv_agreement_verdict(s) == FV_AGREEMENT_GOOD && fv_motion_bias_clear(&s->motion_bias))
         s->bad_from = b->keyframe->number + 1;
-    if (fv_motion_bias_begin(&s->motion_bias, &T_b_a)) s->matches = matches;
+    if (fv_motion_bias_begin(&s->motion_bias, &T_b_a, turn_measured(o, a, b))) s->matches = matches;
 }
 
 /* ---- the job --------------------------------------------------------------------------------- */

@@ -80,9 +80,9 @@ static void move(struct fv_se3 *T, const double turn[3], const double way[3])
     (void)fv_normalise3(T->t);
 }
 
-/* One pass of Gauss-Newton; `scale` in sigmas. */
+/* One pass of Gauss-Newton; `scale` in sigmas. `held`: the turn stays. */
 static void pass(struct fv_se3 *T, const struct fv_motion_bias_match *matches, uint32_t count,
-                 double focal_px, double scale)
+                 double focal_px, double scale, bool held)
 {
     double A[25] = {0}, g[5] = {0}, u[3], w[3], x2[3];
     across_of(T->t, u, w);
@@ -112,6 +112,11 @@ static void pass(struct fv_se3 *T, const struct fv_motion_bias_match *matches, u
         for (int k = r + 1; k < 5; k++)
             A[5 * r + k] = A[5 * k + r];
     }
+    for (int r = 0; r < 3 && held; r++) {
+        for (int k = 0; k < 5; k++)
+            A[5 * r + k] = A[5 * k + r] = r == k;
+        g[r] = 0;
+    }
     if (!fv_ldlt_solve(A, 5, g)) return;
     const double turn = fv_norm3(g), factor = turn > turn_max_rad ? turn_max_rad / turn : 1;
     double way[3];
@@ -127,10 +132,11 @@ void fv_motion_bias_forget(struct fv_motion_bias_state *s)
     memset(s, 0, sizeof *s);
 }
 
-bool fv_motion_bias_begin(struct fv_motion_bias_state *s, const struct fv_se3 *T_2_1)
+bool fv_motion_bias_begin(struct fv_motion_bias_state *s, const struct fv_se3 *T_2_1, bool held)
 {
     s->map = *T_2_1;
     s->pass = 0;
+    s->held = held;
     if (!fv_normalise3(s->map.t)) return false;
     s->fit = s->map;
     return true;
@@ -148,7 +154,7 @@ static void take_evidence(struct fv_motion_bias_state *s,
     double turn[3], way[3];
     const double factor = tried_fraction / s->pairs, along = fv_dot3(s->way, s->map.t);
     for (int k = 0; k < 3; k++) {
-        turn[k] = factor * s->turn[k];
+        turn[k] = s->held ? 0 : factor * s->turn[k];
         way[k] = factor * (s->way[k] - along * s->map.t[k]);
     }
     move(&tried, turn, way);
@@ -176,7 +182,7 @@ bool fv_motion_bias_unit(struct fv_motion_bias_state *s, const struct fv_motion_
 {
     if (s->pass == 0) take_evidence(s, matches, count, focal_px);
     for (int k = 0; k < PASSES_PER_UNIT; k++, s->pass++)
-        pass(&s->fit, matches, count, focal_px, scales[s->pass]);
+        pass(&s->fit, matches, count, focal_px, scales[s->pass], s->held);
     if (s->pass < FV_MOTION_BIAS_PASSES) return false;
     note(s, cost_of(&s->fit, matches, count, focal_px));
     return true;

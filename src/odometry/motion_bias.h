@@ -4,7 +4,9 @@
  * the camera) is a compromise: turned and shifted sideways, it fits both within noise, and its
  * landmarks, made by its own poses, agree with it. So from each pair of keyframes that was matched
  * without the map, the relative motion is fitted alone, from the map's on: by five degrees of
- * freedom, robustly. What it is moved by is the *correction* that the pair asks for. In a right map
+ * freedom, robustly; or by the two of its direction where a gyro has measured the turn, which is
+ * surer of it than two pictures are: the one they ask for beside a wrong direction is none of the
+ * map's errors. What it is moved by is the *correction* that the pair asks for. In a right map
  * it is noise, or what this picture alone suffers from (rolling lines, blur, a thing that passes),
  * and serves no other pair. In a biased one it lasts. So half the mean correction of the pairs
  * before (which fades by .7 per pair) is tried on each new pair *before* that is fitted: by what
@@ -54,13 +56,16 @@ struct fv_motion_bias_state {
     double cost; /* of the map's motion */
     uint32_t pass;
     uint32_t seen; /* pairs of this map */
+    uint32_t held; /* the turn of the pair in work was measured */
+    uint32_t reserved;
 };
 
 /* Nothing is known of this map. */
 void fv_motion_bias_forget(struct fv_motion_bias_state *state);
-/* A pair begins, with its motion as the map has it (T_2_1); lengths do not matter. False: there is
- * no translation, and nothing to fit. */
-bool fv_motion_bias_begin(struct fv_motion_bias_state *state, const struct fv_se3 *T_2_1);
+/* A pair begins, with its motion as the map has it (T_2_1); lengths do not matter. `held`: a gyro
+ * has measured its turn. False: there is no translation, and nothing to fit. */
+bool fv_motion_bias_begin(struct fv_motion_bias_state *state, const struct fv_se3 *T_2_1,
+                          bool held);
 /* The evidence of the pair's matches, and the first half of a fit; or the rest of it. True: the
  * pair is done, and its correction noted. */
 bool fv_motion_bias_unit(struct fv_motion_bias_state *state,
