@@ -24,8 +24,9 @@
  * position, as in T. Qin, P. Li, S. Shen, "VINS-Mono" (T-RO 2018). In a map by one camera the scale
  * is a fifth, also where an inertial sensor has shown its metres: its unit drifts on the way, and
  * closures that hold it leave keyframes off by 1.2 to 4 times as much (sim:corridor). A relation
- * that tilts the ends by more than gravity is known to is another place. A map that knows nothing
- * of gravity learns it from the one that it is merged with by all its degrees of freedom.
+ * that tilts the ends by more than gravity is known to, or in which the metres of two maps differ
+ * by more than a fifth, is another place. A map that knows nothing of gravity learns it from the
+ * one that it is merged with by all its degrees of freedom.
  *
  * The commit is one bounded unit: keyframes move by their own correction (those made since by that
  * of the nearest ancestor that has one), landmarks with their reference keyframe, the frame in work
@@ -181,7 +182,8 @@ void fv_closure_correction(const struct fv_map *map, struct fv_closure_state *st
 /* Whether it says the same as what is believed, at the offered keyframe. */
 bool fv_closure_same(const struct fv_map *map, const struct fv_closure_state *state);
 /* Whether the maps of both keyframes know of gravity; and then: find `level` by the inliers, which
- * takes the one's to the other's. False: the relation contradicts gravity, so it is another place.
+ * takes the one's to the other's. False: the relation contradicts gravity, or the metres of two
+ * maps that know them, so it is another place.
  */
 bool fv_closure_upright(const struct fv_closure_state *state, const struct fv_map *map);
 bool fv_closure_level(struct fv_closure *closure, const struct fv_map *map, bool rigid);

@@ -15,6 +15,8 @@ static const double drift_slack = 0.3;        /* of the median depth */
 /* Of what a relation tilts one keyframe against another by more than gravity is known to: maps
  * bend, and it is itself no surer. */
 static const double tilt_slack_rad = 0.02, tilt_sigmas_max = 4;
+/* Of two maps whose metres are known, each to 4 % or better, and drift: logarithm of a factor. */
+static const double metres_log_max = 0.2;
 
 /* ---- drift ----------------------------------------------------------------------------------- */
 
@@ -138,6 +140,16 @@ bool fv_closure_upright(const struct fv_closure_state *s, const struct fv_map *m
            gravity_at(map, s->candidates[s->candidate].slot, &others);
 }
 
+/* Whether the lengths of two maps agree, where both say how long they are. */
+static bool metres_agree(const struct fv_map *map, const struct fv_closure_state *s)
+{
+    const uint32_t own = map->keyframes[s->keyframe.slot].map_id,
+                   others = map->keyframes[s->candidates[s->candidate].slot].map_id;
+    const double a = fv_map_scale_of(map, own), b = fv_map_scale_of(map, others);
+    return own == others || !(a > 0) || !(b > 0) ||
+           fv_abs(fv_log(s->S_keyframe_candidate.s * a / b)) < metres_log_max;
+}
+
 bool fv_closure_level(struct fv_closure *closure, const struct fv_map *map, bool rigid)
 {
     struct fv_closure_state *s = closure->state;
@@ -150,7 +162,7 @@ bool fv_closure_level(struct fv_closure *closure, const struct fv_map *map, bool
     fv_rotate3(s->level.R, others.down, turned);
     fv_cross3(turned, own.down, across);
     const double sigma = __builtin_sqrt(own.sigma * own.sigma + others.sigma * others.sigma);
-    if (fv_dot3(turned, own.down) < 0 ||
+    if (!metres_agree(map, s) || fv_dot3(turned, own.down) < 0 ||
         fv_norm3(across) > tilt_slack_rad + tilt_sigmas_max * sigma)
         return false;
     s->levelled = true;

@@ -202,6 +202,34 @@ static void test_a_tilted_place_is_another(void **context)
     }
 }
 
+/* Maps by one camera, each with its unit and the metres of that, known to some per cent: they are
+ * joined by 5 degrees of freedom, and where they differ by far more the place is another. */
+static void test_metres_of_two_maps_agree(void **context)
+{
+    (void)context;
+    const double unit[7] = {3, 1, -2, 0.5, 1, -0.3, 0.6};
+    for (int wrong = 0; wrong < 2; wrong++) {
+        make_world(6);
+        make_first_map(first);
+        show_gravity(0.002);
+        w.map.state->scale = (struct fv_map_scale){FOVEA_SCALE_INERTIAL, 0, 0.03, 4e-4};
+        begin_another(unit);
+        show_gravity(0.002);
+        w.map.state->scale =
+            (struct fv_map_scale){FOVEA_SCALE_INERTIAL, 0, -0.6 - (wrong ? 0.3 : 0.04), 4e-4};
+        assert_true(go_round() == !wrong);
+        assert_true(w.closure.state->counts.confirmed > 0);
+        assert_true((w.closure.state->counts.implausible > 0) == (wrong != 0));
+        if (!wrong) {
+            note_tilts();
+            assert_true(work(false) && most_tilted() < 1e-9);
+            assert_true(fabs(log(w.map.state->S_map_world.s) + 0.6) < 0.01);
+            assert_true(fabs(distance_off(w.count - 1, 2)) < 0.1);
+        }
+        free(w.memory);
+    }
+}
+
 /* A map of any unit and tilt that an upright one in metres comes round to, as one that was loaded:
  * all 7 degrees of freedom are found, and it is metric and upright from then on. The other way
  * round an upright map makes the younger one so. */
@@ -242,6 +270,7 @@ int main(void)
         cmocka_unit_test(test_wrong_tilt_does_not_tilt_the_map),
         cmocka_unit_test(test_maps_in_metres_merge_upright),
         cmocka_unit_test(test_a_tilted_place_is_another),
+        cmocka_unit_test(test_metres_of_two_maps_agree),
         cmocka_unit_test(test_the_map_that_knows_gravity_tells_the_other),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
