@@ -34,7 +34,9 @@ void fv_calibration_reset(struct fv_calibration *c)
 static void decide(struct fv_calibration_state *s, enum fovea_calibration_state verdict,
                    enum fovea_calibration_cause cause, double value)
 {
-    if ((uint32_t)verdict <= s->verdict) return;
+    const bool is_larger = (uint32_t)verdict == s->verdict && s->cause == (uint32_t)cause &&
+                           cause == FOVEA_CALIBRATION_UNFIT && value * value > s->value * s->value;
+    if ((uint32_t)verdict <= s->verdict && !is_larger) return;
     s->verdict = (uint32_t)verdict;
     s->cause = (uint32_t)cause;
     s->value = value;
@@ -83,8 +85,12 @@ static void judge_change(struct fv_calibration_state *s)
     const bool lasts = least_of(s->change, s->sigma, all, 0) > change_lasting &&
                        least_of(s->change, s->sigma, all, change_sigmas) > 0;
     if ((large != 0 && agrees) || lasts)
-        decide(s, FOVEA_CALIBRATION_WRONG, FOVEA_CALIBRATION_CHANGED,
+        decide(s, FOVEA_CALIBRATION_WRONG,
+               s->steady >= FV_CALIBRATION_STEADY ? FOVEA_CALIBRATION_CHANGED
+                                                  : FOVEA_CALIBRATION_UNFIT,
                large != 0 ? large : s->change[0]);
+    else if (s->steady < FV_CALIBRATION_STEADY)
+        s->steady++;
 }
 
 static void judge_mismatch(struct fv_calibration_state *s)
@@ -123,7 +129,7 @@ void fv_calibration_frame(struct fv_calibration *c, const struct fv_odometry *od
     if (pose->map_id != s->map_id || pose->reset_counter != s->reset_counter) {
         s->map_id = pose->map_id; /* another map, which may know the lens or not */
         s->reset_counter = pose->reset_counter;
-        s->changes = s->windows = 0;
+        s->changes = s->windows = s->steady = 0;
     }
     if (!fv_lens_frame_measure(odometry, &frame)) return;
     push(s->change, s->changes, FV_CALIBRATION_FRAMES, frame.change);

@@ -3,9 +3,11 @@
  *
  * A change is believed when one of two measured frames in a row shows it far beyond its limit and
  * standard deviation and the other agrees, or when FV_CALIBRATION_FRAMES show a smaller one: the
- * map follows a lens that moved within a few frames. A mismatch is believed when
- * FV_CALIBRATION_WINDOWS windows in a row say it. A verdict stands until the next
- * reset. The limits are at the top of calibration.c. */
+ * map follows a lens that moved within a few frames. It is a lens that moved if the map was
+ * steady for FV_CALIBRATION_STEADY measured frames before: by a wrong calibration a young map is
+ * bent, and frames that see it from elsewhere show that as a change too. A mismatch is believed
+ * when FV_CALIBRATION_WINDOWS windows in a row say it. A verdict stands until the next reset; of a
+ * wrong calibration the largest value is kept. The limits are at the top of calibration.c. */
 #ifndef FOVEA_RUNTIME_CALIBRATION_H
 #define FOVEA_RUNTIME_CALIBRATION_H
 
@@ -14,7 +16,7 @@
 #include "odometry/lens.h"
 #include "runtime/frame_id.h"
 
-enum { FV_CALIBRATION_FRAMES = 3, FV_CALIBRATION_WINDOWS = 3 };
+enum { FV_CALIBRATION_FRAMES = 3, FV_CALIBRATION_WINDOWS = 3, FV_CALIBRATION_STEADY = 50 };
 
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_calibration_state {
@@ -30,7 +32,7 @@ struct fv_calibration_state {
     uint32_t map_id, reset_counter;
     uint32_t verdict, cause; /* enum fovea_calibration_state, enum fovea_calibration_cause */
     uint32_t due;            /* a message is to be sent */
-    uint32_t reserved;
+    uint32_t steady;         /* measured frames of this map, before a change is believed */
 };
 
 struct fv_calibration {
