@@ -208,18 +208,32 @@ void fv_odometry_agreement_queue(struct fv_odometry *o, uint32_t keyframe)
     s->generation = o->map.keyframes[keyframe].generation;
     s->before = (uint32_t)parent;
     s->before_generation = o->map.keyframes[parent].generation;
-    s->next = s->matches = 0;
+    s->next = 0;
 }
 
 bool fv_odometry_agreement_waiting(const struct fv_odometry *o)
 {
     const struct fv_agreement_state *s = &o->state->agreement;
-    return (s->busy && s->matches == 0) || s->dropping;
+    return s->busy || s->dropping;
 }
 
 bool fv_odometry_agreement_fits(const struct fv_odometry *o)
 {
-    return o->state->agreement.busy && o->state->agreement.matches > 0;
+    return !o->state->agreement.busy && o->state->agreement.matches > 0;
+}
+
+/* A quarter of a fit of the pair that was matched last. */
+static void fit_quarter(struct fv_odometry *o)
+{
+    struct fv_agreement_state *s = &o->state->agreement;
+    if (fv_motion_bias_unit(&s->motion_bias, o->agreement.matches, s->matches, o->focal_px))
+        s->matches = 0;
+}
+
+static void fit_unit(struct fv_odometry *o)
+{
+    fit_quarter(o);
+    if (o->state->agreement.matches > 0) fit_quarter(o);
 }
 
 static void match_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
@@ -248,17 +262,11 @@ static void match_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
         if (g->nearest[s->next] != FV_MATCH_NONE && distance < g->distance[feature])
             g->distance[feature] = (uint16_t)distance;
     }
-    if (s->next < sampled) return;
-    judge(o, &a, &b, sampled);
-    s->busy = s->matches > 0;
-}
-
-static void fit_unit(struct fv_odometry *o)
-{
-    struct fv_agreement_state *s = &o->state->agreement;
-    if (!fv_motion_bias_unit(&s->motion_bias, o->agreement.matches, s->matches, o->focal_px))
+    if (s->next < sampled) { /* a quarter takes less than judging does in the last unit */
+        if (s->matches > 0) fit_quarter(o);
         return;
-    s->matches = 0;
+    }
+    judge(o, &a, &b, sampled);
     s->busy = false;
 }
 
@@ -277,7 +285,7 @@ void fv_odometry_agreement_unit(struct fv_odometry *o, const struct fv_kernels *
     struct fv_agreement_state *s = &o->state->agreement;
     if (s->dropping)
         drop_unit(o);
-    else if (s->busy && s->matches > 0)
+    else if (!s->busy)
         fit_unit(o);
     else if (fv_map_holds(&o->map, s->slot, s->generation) &&
              fv_map_holds(&o->map, s->before, s->before_generation))

@@ -37,9 +37,10 @@
  * fifty fresh ones from 11 to 7; poses by 4 to 5 %, and by 7.5 % on the fresh ones, all of them
  * weak. What else measures (distances, a gyro) holds a map where its pictures do not.
  *
- * A job in units: FV_AGREEMENT_UNIT features are matched in each; two more fit the pair's motion,
- * after all other work on the map, and not at all where the next keyframe comes before. Real-time
- * safe, no addresses in the state. */
+ * A job in units: FV_AGREEMENT_UNIT features are matched in each. Two more fit the pair's motion,
+ * after all other work on the map; where the next keyframe comes before, as on a road, the fit goes
+ * on beside the matching of that, a quarter in a unit. Real-time safe, no addresses in the state.
+ */
 #ifndef FOVEA_ODOMETRY_AGREEMENT_H
 #define FOVEA_ODOMETRY_AGREEMENT_H
 
@@ -72,14 +73,14 @@ struct fv_agreement_state {
     bool dropping;     /* keyframes of drop_map from number drop_from on are to go */
     uint32_t drop_map;
     uint64_t drop_from;
-    uint32_t matches; /* of the pair in work, while its motion is fitted; 0: none is */
+    uint32_t matches; /* of the pair whose motion is being fitted; 0: there is none */
     struct fv_motion_bias_state motion_bias;
 };
 
 struct fv_agreement {
     uint32_t *nearest, *second; /* job part: by sampled feature, as hamming_two_u8 leaves them */
     uint16_t *distance;         /* job part: by feature of the later keyframe */
-    struct fv_motion_bias_match *matches; /* job part: of the pair in work */
+    struct fv_motion_bias_match *matches; /* job part: of the last pair matched */
 };
 
 enum fv_agreement_verdict { FV_AGREEMENT_GOOD, FV_AGREEMENT_WEAK, FV_AGREEMENT_CONTRADICTED };

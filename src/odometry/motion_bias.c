@@ -5,7 +5,7 @@
 #include "geometry/linear.h"
 #include "geometry/vec.h"
 
-enum { PASSES_PER_UNIT = FV_MOTION_BIAS_PASSES / 2, HELD_PAIRS = 12 };
+enum { PASSES_PER_UNIT = FV_MOTION_BIAS_PASSES / 4, HELD_PAIRS = 12 };
 
 static const double sigma_px = 0.5, cost_max = 9; /* of one match, sigma^2 */
 static const double fade = 0.7, tried_fraction = 0.5;

@@ -38,7 +38,7 @@
 extern "C" {
 #endif
 
-enum { FV_MOTION_BIAS_PASSES = 8 }; /* of a fit: two units of half of them */
+enum { FV_MOTION_BIAS_PASSES = 8 }; /* of a fit: four units of a quarter of them */
 
 /* One point in two views. */
 struct fv_motion_bias_match {
@@ -66,7 +66,7 @@ void fv_motion_bias_forget(struct fv_motion_bias_state *state);
  * has measured its turn. False: there is no translation, and nothing to fit. */
 bool fv_motion_bias_begin(struct fv_motion_bias_state *state, const struct fv_se3 *T_2_1,
                           bool held);
-/* The evidence of the pair's matches, and the first half of a fit; or the rest of it. True: the
+/* The evidence of the pair's matches, and the first quarter of a fit; or the next one. True: the
  * pair is done, and its correction noted. */
 bool fv_motion_bias_unit(struct fv_motion_bias_state *state,
                          const struct fv_motion_bias_match *matches, uint32_t count,

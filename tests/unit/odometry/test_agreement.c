@@ -196,6 +196,28 @@ static void weak_poses_are_withheld(void **state)
     assert_false(fv_agreement_unsure(&s));
 }
 
+/* Where the next keyframe comes before a pair's motion is fitted, it is fitted beside it. */
+static void no_pair_goes_unfitted(void **state)
+{
+    (void)state;
+    sim_rig_open_kept(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
+    sim_rig_build(&rig);
+    run_to(FRAMES / 2);
+    struct fv_odometry *o = &rig.rt->odometry;
+    struct fv_agreement_state *g = &o->state->agreement;
+    check_newest(o);
+    const uint32_t checks = g->checks, seen = g->motion_bias.seen;
+    for (int n = 0; n < 3; n++) {
+        fv_odometry_agreement_queue(o, o->state->newest);
+        while (fv_odometry_agreement_waiting(o))
+            fv_odometry_agreement_unit(o, &rig.rt->kernels);
+        assert_true(fv_odometry_agreement_fits(o));
+    }
+    assert_int_equal(g->checks, checks + 3);
+    assert_int_equal(g->motion_bias.seen, seen + 2); /* the last waits for the next, or for time */
+    sim_rig_close(&rig);
+}
+
 /* By one camera alone, poses of a map that stay weak are `lost` until one is confident. */
 static void a_map_that_stays_weak_is_withheld(void **state)
 {
@@ -361,6 +383,7 @@ int main(void)
         cmocka_unit_test(a_bias_counts),
         cmocka_unit_test(a_suspect_map_is_confirmed),
         cmocka_unit_test(weak_poses_are_withheld),
+        cmocka_unit_test(no_pair_goes_unfitted),
         cmocka_unit_test(a_map_that_stays_weak_is_withheld),
         cmocka_unit_test(a_first_check_counts),
         cmocka_unit_test(a_confident_pose_publishes),

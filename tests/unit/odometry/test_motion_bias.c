@@ -94,7 +94,7 @@ static void run(const double turns[PAIRS], struct fv_motion_bias_state *s)
         assert_true(fv_motion_bias_begin(s, &map, false));
         while (!fv_motion_bias_unit(s, matches, MATCHES, FOCAL_PX))
             units++;
-        assert_int_equal(units, 2);
+        assert_int_equal(units, 4);
         (void)fv_normalise3(T.t);
         double off[3];
         fv_subtract3(s->fit.t, T.t, off);
