@@ -137,6 +137,19 @@ static void a_knocked_lens_is_reported(void **state)
     assert_int_equal(wrong, 0);
 }
 
+/* A map that was steady for few frames only does not tell a lens that moved from a wrong file. */
+static void a_knock_of_a_young_map_is_a_wrong_file(void **state)
+{
+    const struct plan plan = {1, 60, 40, "&width=320&height=240"};
+    char uri[256];
+    (void)state;
+    source_write(uri, &plan, 0, 1.02);
+    const struct said said = run(uri, 1, plan.frames);
+    assert_in_range(said.first, plan.knocked, plan.frames);
+    assert_int_equal(said.last.cause, FOVEA_CALIBRATION_UNFIT);
+    assert_true(said.last.focal_difference > 0.004 && said.last.focal_difference < 0.03);
+}
+
 static void a_lens_that_is_right_is_never_reported(void **state)
 {
     const struct plan plan = plan_of();
@@ -226,6 +239,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_knocked_lens_is_reported),
+        cmocka_unit_test(a_knock_of_a_young_map_is_a_wrong_file),
         cmocka_unit_test(a_lens_that_is_right_is_never_reported),
         cmocka_unit_test(the_message_shows_the_pattern),
         cmocka_unit_test(switched_off_it_takes_no_memory_and_says_nothing),
