@@ -12,7 +12,7 @@ static inline void interleave_columns(const struct fv_nn_depthwise *d, const uin
                                       uint8_t *scratch)
 {
     const __m512i border = _mm512_set1_epi8((char)d->zero_in);
-    const int32_t groups = (d->kh + 3) / 4;
+    const int32_t groups = groups_of(d);
     for (int32_t g = 0; g < groups; g++) {
         const uint8_t *row[4];
         for (int32_t r = 0; r < 4; r++)
@@ -76,12 +76,12 @@ BLOCKS(blocks_3x3_from_zero, 3, 1, 1, BY_REAL | FROM_ZERO)
 BLOCKS(blocks_3x3, 3, 1, 1, BY_REAL)
 BLOCKS(blocks_5x5_from_zero, 5, 2, 1, BY_REAL | FROM_ZERO)
 BLOCKS(blocks_5x5, 5, 2, 1, BY_REAL)
-BLOCKS(blocks_by_real, d->kw, (d->kh + 3) / 4, d->planes, BY_REAL)
-BLOCKS(blocks_exactly, d->kw, (d->kh + 3) / 4, d->planes, 0)
+BLOCKS(blocks_by_real, d->kw, groups_of(d), d->planes, BY_REAL)
+BLOCKS(blocks_exactly, d->kw, groups_of(d), d->planes, 0)
 
 static inline block_outputs_fn *blocks_of(const struct lanes *l, const struct fv_nn_depthwise *d)
 {
-    const int32_t groups = (d->kh + 3) / 4;
+    const int32_t groups = groups_of(d);
     const int mode = mode_of(l, d);
     if (mode == 0) return blocks_exactly;
     if (d->planes == 1 && d->kw == 3 && groups == 1)

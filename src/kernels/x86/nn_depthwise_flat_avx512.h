@@ -17,7 +17,7 @@ static inline int has_flat_room(const struct fv_nn_depthwise *d, int32_t rows)
 {
     const int32_t span = span_of(d), all = columns_of(d);
     const int32_t most = span > COLUMNS_MAX ? span : COLUMNS_MAX;
-    const ptrdiff_t room = (ptrdiff_t)(all < most ? all : most) * 256 * ((d->kh + 3) / 4);
+    const ptrdiff_t room = (ptrdiff_t)(all < most ? all : most) * 256 * groups_of(d);
     return flat_part(d) * d->stride_x * rows <= room;
 }
 

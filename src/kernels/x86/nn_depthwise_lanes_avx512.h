@@ -41,17 +41,23 @@ static inline int32_t columns_of(const struct fv_nn_depthwise *d)
     return (d->out_w - 1) * d->stride_x + span_of(d);
 }
 
+/* Groups of four kernel rows. */
+static inline int32_t groups_of(const struct fv_nn_depthwise *d)
+{
+    return (d->kh + 3) / 4;
+}
+
 /* Steps of an output row. */
 static inline int32_t steps_of(const struct fv_nn_depthwise *d)
 {
-    return d->planes * ((d->kh + 3) / 4) * d->kw;
+    return d->planes * groups_of(d) * d->kw;
 }
 
 /* Output rows that share what is interleaved: where kernel rows leave lanes free, the next rows of
  * the image are there, and weights that lie as many rows further give the next output rows. */
 static inline int32_t rows_together(const struct fv_nn_depthwise *d)
 {
-    const int32_t rows = (d->kh + 3) / 4 * 4 - d->kh + 1, most = STEPS_MAX / steps_of(d);
+    const int32_t rows = 4 * groups_of(d) - d->kh + 1, most = STEPS_MAX / steps_of(d);
     return d->stride_y != 1 || d->dilation_y != 1 ? 1 : rows < most ? rows : most;
 }
 
@@ -166,7 +172,7 @@ static inline void load_exact(struct lanes *l, const struct fv_nn_depthwise *d, 
 static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first,
                               int32_t period)
 {
-    const int32_t groups = (d->kh + 3) / 4;
+    const int32_t groups = groups_of(d);
     int32_t words[64];
     transpose_words(spread_words(words, d->bias, first, period, d->c16), l->bias);
     l->is_real = d->real != NULL && load_real(l->real, d, first, period);
@@ -177,9 +183,10 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
         __m512i column[4];
         for (int32_t r = 0; r < 4; r++) {
             const int32_t ky = 4 * group + r - later;
-            const int8_t *w = d->weights + ((ptrdiff_t)(plane * d->kh + ky) * d->kw + kx) * d->c16;
-            column[r] = ky >= 0 && ky < d->kh ? spread_bytes(w, first, period, d->c16)
-                                              : _mm512_setzero_si512();
+            column[r] = _mm512_setzero_si512();
+            if (ky < 0 || ky >= d->kh) continue;
+            const ptrdiff_t tap = (ptrdiff_t)(plane * d->kh + ky) * d->kw + kx;
+            column[r] = spread_bytes(d->weights + tap * d->c16, first, period, d->c16);
         }
         interleave(column[0], column[1], column[2], column[3], l->weights[step]);
     }

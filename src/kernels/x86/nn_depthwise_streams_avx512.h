@@ -106,7 +106,7 @@ static inline void streams_of(const struct lanes *l, const struct fv_nn_depthwis
                               const uint8_t *streams, ptrdiff_t pitch, int32_t j, int32_t step,
                               int32_t total, uint8_t *out)
 {
-    const int32_t groups = (d->kh + 3) / 4;
+    const int32_t groups = groups_of(d);
     if (l->is_real)
         stream_outputs(l, d, later, streams, pitch, j, step, total, out, d->kw, groups, d->planes,
                        BY_REAL);
@@ -121,7 +121,7 @@ typedef void stream_outputs_fn(const struct lanes *l, const struct fv_nn_depthwi
 
 static inline stream_outputs_fn *streams_for(const struct lanes *l, const struct fv_nn_depthwise *d)
 {
-    const int32_t groups = (d->kh + 3) / 4;
+    const int32_t groups = groups_of(d);
     const int mode = mode_of(l, d);
     if (mode != 0 && d->planes == 1 && d->kw == 3 && groups == 1)
         return mode == BY_REAL ? streams_3x3 : streams_3x3_from_zero;
@@ -139,7 +139,7 @@ static inline void by_streams(const struct fv_nn_depthwise *d, const uint8_t *in
     load_phases(lanes, d, phases);
     for (int32_t y = begin, rows; y < end; y += rows, out += (ptrdiff_t)rows * total) {
         rows = end - y < rows_together(d) ? end - y : rows_together(d);
-        for (int32_t g = 0; g < (d->kh + 3) / 4; g++)
+        for (int32_t g = 0; g < groups_of(d); g++)
             fill_streams(d, in, y, 4 * g, streams + 4 * g * pitch, pitch);
         for (int32_t p = 0; p < phases && p * 64 < total; p++) {
             stream_outputs_fn *const outputs = streams_for(&lanes[p], d);
