@@ -26,14 +26,15 @@ static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
 
 /* The tile at row `at` of a chunk. */
 FV_INLINE void do_tile(struct tile_job *j, const struct store_job *s, const struct chunk *c,
-                       int32_t at, const int ROWS, const int BLOCKS, const int APART,
-                       const int from_zero)
+                       int32_t at, const int ROWS, const int BLOCKS, const int AHEAD,
+                       const int APART, const int from_zero)
 {
     j->in = c->in + at;
     j->row_sums = c->sums == NULL ? NULL : c->sums + at;
     j->out = c->out + at;
     j->rows = c->m - at < ROWS ? c->m - at : ROWS;
-    tile_u8(j, s, ROWS, BLOCKS, APART, from_zero);
+    j->ahead = (BLOCKS + at / ROWS) * (ptrdiff_t)j->g->k4 * 64;
+    tile_u8(j, s, ROWS, BLOCKS, AHEAD, APART, from_zero);
 }
 
 /* Where the tile for rows from `i` on begins: the last one of `m` overlaps the one before. */
@@ -43,10 +44,11 @@ FV_INLINE int32_t tile_at(int32_t i, int32_t m, const int ROWS)
 }
 
 FV_INLINE void column_u8(struct tile_job *j, const struct store_job *s, const struct chunk *c,
-                         const int ROWS, const int BLOCKS, const int APART, const int from_zero)
+                         const int ROWS, const int BLOCKS, const int AHEAD, const int APART,
+                         const int from_zero)
 {
     for (int32_t i = 0; i < c->m; i += ROWS)
-        do_tile(j, s, c, tile_at(i, c->m, ROWS), ROWS, BLOCKS, APART, from_zero);
+        do_tile(j, s, c, tile_at(i, c->m, ROWS), ROWS, BLOCKS, AHEAD, APART, from_zero);
 }
 
 /* The four variants of a function over tiles. */
@@ -65,9 +67,12 @@ FV_INLINE void column_u8(struct tile_job *j, const struct store_job *s, const st
             of(j, s, rows, __VA_ARGS__ 0, 0);                                                      \
     }
 #define COLUMN(rows, blocks)                                                                       \
-    VARIANTS(column_##rows##x##blocks, column_u8, struct chunk, rows, blocks, )
+    VARIANTS(column_##rows##x##blocks, column_u8, struct chunk, rows, blocks, 0, )
 COLUMN(6, 4)
 COLUMN(5, 4)
+/* For the only chunk of a product: each tile fetches weights of the next column, or layer. */
+VARIANTS(ahead_5x4, column_u8, struct chunk, 5, 4, 1, )
+VARIANTS(ahead_6x4, column_u8, struct chunk, 6, 4, 1, )
 COLUMN(2, 4)
 COLUMN(8, 3)
 COLUMN(2, 3)
@@ -82,7 +87,9 @@ static inline void column(int32_t blocks, struct tile_job *j, const struct store
 {
     const int few = c->m <= 2;
     const int by_fives = (c->m + 4) / 5 * 5 < (c->m + 5) / 6 * 6; /* they do fewer rows twice */
-    if (blocks == 4)
+    if (blocks == 4 && !few && c->is_only)
+        (by_fives ? ahead_5x4 : ahead_6x4)(j, s, c);
+    else if (blocks == 4)
         (few ? column_2x4 : by_fives ? column_5x4 : column_6x4)(j, s, c);
     else if (blocks == 3)
         (few ? column_2x3 : column_8x3)(j, s, c);
@@ -195,7 +202,8 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
                                     .out = to,
                                     .sums = has_sums ? sums : NULL,
                                     .pairs = paired ? &pairs : NULL,
-                                    .m = rows};
+                                    .m = rows,
+                                    .is_only = rows == m};
         columns(&j, &s, &chunk);
     }
 }
@@ -228,12 +236,14 @@ static inline void chunks_apart(struct tile_job *j, struct store_job *s, const s
     struct rows_left left = {rows, 0};
     const uint8_t *in[CHUNK_ROWS_MAX + 8];
     uint8_t *out[CHUNK_ROWS_MAX + 8];
+    const int is_only = m <= CHUNK_ROWS_MAX;
     for (int32_t some; m > 0; m -= some) {
         some = next_rows(m);
         list_apart(&left, some, in, out);
         for (int32_t r = some; r < TILE_ROWS_MAX; r++) /* read in place of what is not there */
             in[r] = in[some - 1];
-        const struct chunk chunk = {.in = in, .out = out, .pairs = pairs, .m = some};
+        const struct chunk chunk = {
+            .in = in, .out = out, .pairs = pairs, .m = some, .is_only = is_only};
         columns(j, s, &chunk);
     }
 }

@@ -23,7 +23,7 @@ void fv_k_nn_gemm_i32__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, 
             __m512i acc[4];
             j.weights = g->weights + (ptrdiff_t)b * g->k4 * 64;
             j.bias = g->bias + 16 * b;
-            accumulate(&j, 4, 1, 0, acc);
+            accumulate(&j, 4, 1, 0, 0, acc);
             for (int32_t r = 0; r < rows; r++)
                 _mm512_storeu_si512(out + (i + r) * ldo + 16 * b, acc[r]);
         }

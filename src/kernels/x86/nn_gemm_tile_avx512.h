@@ -19,6 +19,7 @@ struct tile_job {
     uint8_t *const *out;
     ptrdiff_t column; /* of the outputs */
     int32_t rows;     /* of which outputs are wanted */
+    ptrdiff_t ahead;  /* bytes from weights to those that are fetched meanwhile */
 };
 
 FV_INLINE __m512i broadcast4(const uint8_t *bytes)
@@ -28,14 +29,16 @@ FV_INLINE __m512i broadcast4(const uint8_t *bytes)
     return _mm512_set1_epi32(word);
 }
 
-/* The products of one group of four inputs, `at` bytes past each row. The address of the last rows
+/* The products of one group of four inputs, `at` bytes past each row. `AHEAD`: weights that many
+ * bytes further are fetched into the second-level cache. The address of the last rows
  * is read each time: there are not registers enough for all, and compilers would move addresses
  * from and to vector registers, which takes the place of products. */
 FV_INLINE void accumulate_group(const uint8_t *const *row, const uint8_t *const volatile *rest,
-                                ptrdiff_t at, const int8_t *w, ptrdiff_t block, const int ROWS,
-                                const int BLOCKS, __m512i *acc)
+                                ptrdiff_t at, const int8_t *w, ptrdiff_t block, ptrdiff_t ahead,
+                                const int ROWS, const int BLOCKS, const int AHEAD, __m512i *acc)
 {
     __m512i v[4];
+    if (AHEAD) _mm_prefetch((const void *)((uintptr_t)w + (uintptr_t)ahead), _MM_HINT_T1);
 #pragma GCC unroll 4
     for (int b = 0; b < BLOCKS; b++)
         v[b] = _mm512_load_si512(w + b * block);
@@ -71,7 +74,7 @@ FV_INLINE void start_sums(const struct tile_job *j, const int ROWS, const int BL
 
 /* `APART`: groups of inputs lie apart. */
 FV_INLINE void accumulate(const struct tile_job *j, const int ROWS, const int BLOCKS,
-                          const int APART, __m512i *acc)
+                          const int APART, const int AHEAD, __m512i *acc)
 {
     const uint8_t *row[ROWS_HELD], *volatile rest[TILE_ROWS_MAX - ROWS_HELD];
     const ptrdiff_t block = (ptrdiff_t)j->g->k4 * 64;
@@ -87,12 +90,12 @@ FV_INLINE void accumulate(const struct tile_job *j, const int ROWS, const int BL
     if (APART) {
         const int32_t *end = j->offsets + j->g->k4;
         for (const int32_t *offset = j->offsets; offset < end; offset++, w += 64)
-            accumulate_group(row, rest, *offset, w, block, ROWS, BLOCKS, acc);
+            accumulate_group(row, rest, *offset, w, block, j->ahead, ROWS, BLOCKS, AHEAD, acc);
         return;
     }
     const ptrdiff_t bytes = (ptrdiff_t)j->g->k4 * 4;
     for (ptrdiff_t k = 0; k < bytes; k += 4, w += 64)
-        accumulate_group(row, rest, k, w, block, ROWS, BLOCKS, acc);
+        accumulate_group(row, rest, k, w, block, j->ahead, ROWS, BLOCKS, AHEAD, acc);
 }
 
 struct pairs;
@@ -104,6 +107,7 @@ struct chunk {
     const int32_t *sums;
     const struct pairs *pairs; /* NULL: groups are taken one by one */
     int32_t m;
+    int is_only; /* of its product: weights are read once, and not again */
 };
 
 struct store_job {
@@ -204,11 +208,11 @@ FV_INLINE void change_registers(__m512i *acc, const int COUNT)
 }
 
 FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS,
-                       const int BLOCKS, const int APART, const int from_zero)
+                       const int BLOCKS, const int AHEAD, const int APART, const int from_zero)
 {
     const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
-    accumulate(j, ROWS, BLOCKS, APART, acc);
+    accumulate(j, ROWS, BLOCKS, APART, AHEAD, acc);
     change_registers(acc, ROWS * BLOCKS);
     if (BLOCKS > 0) scale_block(acc, s, ROWS, BLOCKS, 0, from_zero);
     if (BLOCKS > 1) scale_block(acc, s, ROWS, BLOCKS, 1, from_zero);
