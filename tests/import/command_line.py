@@ -31,6 +31,15 @@ def wrong_options(bench):
     bench.holds("--help lists the decoders", "yolov8_pose" in listed and "landmarks" in listed, True)
 
 
+def recuts(bench):
+    """--recut of a file that is not there, onto one that is."""
+    there = bench.file("there.fvm", "text")
+    done = started(bench, "--recut", "0", "nofile.fvm", "-o", there)
+    bench.holds("--recut of no file", (done.returncode, done.stderr) == (2, "nofile.fvm: No such file or directory\n"), True)
+    done = started(bench, "--recut", "0", there, "-o", there)
+    bench.holds("--recut onto itself", (done.returncode, "found that file as -o" in done.stderr), (2, 1))
+
+
 def started(bench, *options, **keys):
     keys = {"stdout": subprocess.PIPE, **keys}
     return subprocess.run([sys.executable, IMPORT, *options], stderr=subprocess.PIPE, text=True, check=False, cwd=bench.folder, **keys)
@@ -55,7 +64,7 @@ def unread(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (wrong_options, unread):
+        for test in (wrong_options, recuts, unread):
             test(bench)
     return 1 if bench.wrong else 0
 

@@ -108,6 +108,10 @@ def kernel_sets():
     return ["c", "sse4", "avx2", "avxvnni", "avx512"] if platform.machine() == "x86_64" else ["c", "neon", "dotprod", "i8mm"]
 
 
+def same_file(one, other):
+    return os.path.exists(one) and os.path.exists(other) and os.path.samefile(one, other)
+
+
 def put(path, data):
     """A file that is there whole or not at all; a device is written as it is."""
     path = os.path.realpath(path)
@@ -131,7 +135,7 @@ def quantise_first(arguments, output):
     import from_onnx
     import quantise
     target = os.path.splitext(output)[0].removesuffix(".int8") + ".int8.tflite"
-    if os.path.exists(target) and os.path.samefile(target, arguments.model):
+    if same_file(target, arguments.model):
         raise graph_module.ImportProblem(f"found the model that is to be quantised at {target}, expected another output")
     with tempfile.TemporaryDirectory() as folder:
         model = arguments.model
@@ -158,7 +162,7 @@ def print_precision(tried, arguments, figures):
 def cut_anew(arguments):
     """Write the model file with other cuts of some operators."""
     path, output = arguments.model, arguments.output
-    if output is None or (os.path.exists(output) and os.path.samefile(output, path)):
+    if output is None or same_file(output, path):
         return complain(f"--recut {path}: found {'no -o' if output is None else 'that file as -o'}, expected another file to write")
     try:
         with open(path, "rb") as file:
@@ -210,7 +214,7 @@ def main():
         if arguments.quantise:
             tried = quantise_first(arguments, output)
         data, figures = convert(arguments.model, arguments, not arguments.no_fold)
-        if os.path.exists(output) and os.path.samefile(output, arguments.model):
+        if same_file(output, arguments.model):
             return complain(f"-o {output}: found the model that is read, expected another file")
         if tried is not None and figures is not None and arguments.labels is not None and os.path.isdir(arguments.labels):
             print_precision(tried, arguments, figures)
