@@ -89,6 +89,30 @@ def others(bench):
     bench.refused("rows as a mask", network([(1, 9, 84)], image=(1, 64, 64, 3)), "of the input's proportions", "--decoder", "segment")
 
 
+def anchors(bench):
+    """--anchors alone make no YOLOv2: its cells hold five numbers and the classes for each anchor, all before LOGISTIC and SOFTMAX."""
+    one, two, wide = ("--anchors", "1,2"), ("--anchors", "1,2,3,4"), (1, 96, 96, 3)
+    for what, numbers, last, pairs, text in (("three numbers", 3, None, one, "has 1 x (5 + classes) numbers for each cell, found 3"),
+                                             ("seven numbers of two anchors", 7, None, two, "has 2 x (5 + classes) numbers for each cell, found 7"),
+                                             ("ten numbers of two anchors", 10, None, two, "has 2 x (5 + classes) numbers for each cell, found 10"),
+                                             ("from SOFTMAX", 6, "SOFTMAX", one, "found scores that they made"),
+                                             ("from LOGISTIC", 12, "LOGISTIC", two, "found scores that they made")):
+        model = network([(1, 12, 12, numbers)], last, image=wide)
+        bench.refused(f"yolov2, chosen: {what}", model, text, *pairs)
+        bench.refused(f"yolov2, named: {what}", model, text, "--decoder", "yolov2", *pairs)
+    found = bench.run(network([(1, 12, 12, 12)], image=wide), *two)
+    bench.holds("yolov2 of two anchors", (getattr(found, "decoder", "") == "yolov2", getattr(found, "classes", 0)), (1, 1))
+
+
+def numbers(bench):
+    """Classes' numbers are no scores, and a row of scores is no map."""
+    labelled = network([(1, 24, 32, 4)], "ARG_MAX")
+    for name in ("yolov5", "yolov8", "yolov8_obb"):
+        bench.refused(f"classes' numbers as {name}", labelled, "found int32 numbers in outputs float32[1, 24, 32], expected scores", "--decoder", name)
+    for shape in ((1, 2), (1, 1, 1, 2), (1, 1, 2)):
+        bench.refused(f"scores of {shape} as a map", network([shape], "SOFTMAX", image=(1, 96, 96, 3)), "of the input's proportions", "--decoder", "segment")
+
+
 def proposals(bench):
     """Decoders are proposed that the outputs' shapes permit, with what else they need."""
     wide = (1, 96, 96, 3)
@@ -142,7 +166,7 @@ def main():
         if ENGINE(bench.run(network([(1, 20)], "SOFTMAX")).raw) is None:
             print("SKIPPED decoders that are named: the engine is not built for this machine")
             return 0
-        for test in (poses, angles, others, proposals, people):
+        for test in (poses, angles, others, anchors, numbers, proposals, people):
             test(bench)
     return 1 if bench.wrong else 0
 

@@ -13,6 +13,8 @@ LABELS_MAX = 4096  # what the loader takes
 BOXES_MOST = 2.0  # of boxes in shares of the picture, which may reach beyond it
 BOXES_LEAST = 0.75  # of the same: where the last cells have their centres, and more
 BACKGROUND = ("background", "???", "_background_", "none")
+MOVED = ("QUANTIZE", "DEQUANTIZE", "CAST", "RESHAPE", "SQUEEZE", "EXPAND_DIMS")  # the same numbers
+SEVERAL = ("ssd_raw", "yolov8_seg", "blaze", "landmarks", "yolov3")  # decoders of several outputs
 STRIDES = ((8, 16, 32), (4, 8, 16, 32), (8, 16, 32, 64), (16, 32), (4, 8, 16))
 TASKS = {"detect": ("yolov5", "yolov8", "yolox", "end2end"), "classify": ("classifier",), "segment": ("yolov8_seg",), "pose": ("yolov8_pose", "end2end", "movenet"),
          "obb": ("yolov8_obb",)}  # of Ultralytics' exports
@@ -186,7 +188,7 @@ def candidates(e):
     shape, found = e.shape, {}
     if any(op.name == "TFLite_Detection_PostProcess" for op in e.graph.ops):
         return {"ssd": None}
-    op = origin(e.graph, e.graph.outputs[0], ("QUANTIZE", "DEQUANTIZE", "CAST", "RESHAPE"))[1]
+    op = origin(e.graph, e.graph.outputs[0], MOVED[:4])[1]
     if op is not None and op.name == "ARG_MAX" and len(shape) >= 3 and len(e.outs) == 1:
         return {"segment": segment.labels_fault(e)}
     if len(e.outs) == 2 and e.anchors and any(t.shape[-1:] == (4,) for t in e.outs):
@@ -212,7 +214,7 @@ def candidates(e):
         if len(e.image) == 4 and shape[1] in details.yolox_cells(e):
             found = {"yolox": yolo(e, shape[2], shape[1], 1, "yolov5")}
     elif len(shape) == 4 and e.anchors:
-        found["yolov2"] = None if len(e.outs) == 1 else f"has one output, found {len(e.outs)}"
+        found["yolov2"] = forms.yolov2_fault(e)
     elif len(shape) == 4 and op is not None and op.name == "SOFTMAX":
         coarse = len(e.image) == 4 and e.image[1] >= 4 * shape[1] and e.image[2] >= 4 * shape[2]
         found = {"fomo": fomo(e), "segment": segment.fault(e)} if coarse else {"segment": segment.fault(e)}
@@ -261,8 +263,8 @@ def choose(e):
         raise ImportProblem(f"found outputs {shape_text(e)}, which {' and '.join(fitting)} both read: expected "
                             f"{' or '.join(forms.option(e, name) for name in fitting)}, or --decoder none for the raw outputs")
     possible = forms.proposed(e, lambda name: True)
-    first = next((name for name in found if name in possible), None)
-    names = sorted(forms.proposed(e, lambda name: is_held(e, name)), key=lambda name: (name != first, name not in found))
+    first = next((name for name in found if name in possible or name == "yolov2"), None)
+    names = sorted(forms.proposed(e, lambda name: is_held(e, name) and (first != "yolov2" or name == first)), key=lambda name: (name != first, name not in found))
     if first is None and not names and len(e.outs) == 1:  # the best that can be said
         first = next(iter(found), None)
         names = [first] if first is not None and is_held(e, first) else []
@@ -281,6 +283,7 @@ def hold(e, name):
         raise ImportProblem("--decoder ssd: found no operator TFLite_Detection_PostProcess, expected it, or --decoder ssd_raw with --anchors")
     if not forms.fits(e, name):
         raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e, 2)}, expected {forms.FORMS[name][0]}, or none")
+    hold_scores(e, name)
     other = {"yolov5": "yolov8", "yolov8": "yolov5"}.get(name)
     if other and candidates(e).get(other, "no") is None:
         raise ImportProblem(f"--decoder {name}: found outputs {shape_text(e, 2)}, which {other} reads: expected --decoder {other}, or none")
@@ -295,8 +298,21 @@ def hold(e, name):
                             "SOFTMAX or LOGISTIC), or none")
 
 
+def hold_scores(e, name):
+    """Classes' numbers, as ARG_MAX makes them, are no scores."""
+    if name in ("none", "segment", "ssd", "embedding"):
+        return
+    for t in e.graph.outputs if name in SEVERAL else e.graph.outputs[:1]:
+        tensor = e.graph.tensors[origin(e.graph, t, MOVED)[0]]
+        if not tensor.is8 and tensor.type != "FLOAT32":
+            raise ImportProblem(f"--decoder {name}: found {tensor.type.lower()} numbers in outputs {shape_text(e, 2)}, expected scores of 8 bits, or none")
+
+
 def hold_heads(e, name):
-    """Boxes reach over the picture; and of heads whose classes lie between other numbers, labels say where they end."""
+    """Boxes reach over the picture; numbers are no scores before the decoder makes them; and of heads whose classes lie between other numbers,
+    labels say where they end."""
+    if name == "yolov2" and forms.yolov2_fault(e):
+        raise ImportProblem(f"--decoder yolov2: it {forms.yolov2_fault(e)}: expected another decoder, or none")
     if name not in ("yolov5", "yolov8", "yolov8_pose", "yolov8_obb", "yolov8_seg"):
         return
     pair = details.prototypes(e) if name == "yolov8_seg" else None

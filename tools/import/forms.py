@@ -42,6 +42,18 @@ def yolov3(e):
     return len(shapes) > 1 and len(set(shapes)) == len(shapes) and all(on_grid(e, s) and s[3] == shapes[0][3] >= 6 for s in shapes)
 
 
+def yolov2_fault(e):
+    """Why an output of 4 axes cannot be YOLOv2's; None: it can. Its head leaves LOGISTIC and SOFTMAX to the decoder."""
+    numbers, pairs = e.shape[3], len((e.anchors or "").replace(",", " ").split()) // 2
+    if not alone(e):
+        return f"has one output, found {len(e.outs)}"
+    if numbers < 6 or pairs and (numbers % pairs or numbers < 6 * pairs):
+        return f"has {max(pairs, 1)} x (5 + classes) numbers for each cell, found {numbers}"
+    if e.mask(e.graph.outputs[0]).any():
+        return "has numbers before LOGISTIC and SOFTMAX, found scores that they made"
+    return None
+
+
 def fomo(e):
     made = origin(e.graph, e.graph.outputs[0])[1]
     return alone(e) and e.shape[3] > 1 and len(e.image) == 4 and 4 * e.shape[1] <= e.image[1] and 4 * e.shape[2] <= e.image[2] and \
@@ -76,6 +88,11 @@ def yolov8_seg(e):
     return boxes[2] in e.cells() and boxes[1] > 4 + masks[3]
 
 
+def is_map(e):
+    """Whether an output has rows and columns, of the input's proportions."""
+    return axes(e, 2, 3, 4) and min(e.shape[1:3] if len(e.shape) > 2 else e.shape) > 1 and same_shape(e)
+
+
 def segments(e):
     sides = e.shape[1:3] if len(e.shape) > 2 else (0, 0)
     return alone(e) and axes(e, 3, 4) and len(e.image) == 4 and same_shape(e) and 8 * sides[0] >= e.image[1] and 8 * sides[1] >= e.image[2] and \
@@ -90,9 +107,9 @@ FORMS = {
     "yolov5": ("3 axes: [1, n, 5 + classes]", lambda e: axes(e, 3) and e.shape[2] >= 6,
                lambda e: alone(e) and e.shape[1] in {3 * n for n in e.cells()}),
     "yolov8": ("3 axes: [1, 4 + classes, n]", lambda e: axes(e, 3) and e.shape[1] >= 5, lambda e: columns(e, 5)),
-    "yolov2": ("4 axes: [1, h, w, anchors (5 + classes)]", lambda e: axes(e, 4), lambda e: alone(e) and e.shape[3] >= 6 and on_grid(e, e.shape)),
+    "yolov2": ("4 axes: [1, h, w, anchors (5 + classes)]", lambda e: axes(e, 4), lambda e: yolov2_fault(e) is None and on_grid(e, e.shape)),
     "fomo": ("4 axes: [1, h, w, 1 + classes]", lambda e: axes(e, 4), fomo),
-    "segment": ("[1, h, w] or [1, h, w, classes] of the input's proportions", lambda e: axes(e, 2, 3, 4) and same_shape(e), segments),
+    "segment": ("[1, h, w] or [1, h, w, classes] of the input's proportions", is_map, segments),
     "yolov8_pose": ("3 axes: [1, 4 + classes + keypoints, n]", lambda e: axes(e, 3), lambda e: columns(e, 9) and not details.rows_of(e)[0][4:].all()),
     "yolov8_seg": ("[1, 4 + classes + coefficients, n] and prototypes", lambda e: True, yolov8_seg),
     "yolov8_obb": ("3 axes: [1, 4 + classes + 1, n]", lambda e: axes(e, 3), lambda e: columns(e, 6)),
