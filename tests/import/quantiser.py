@@ -416,6 +416,50 @@ def precision(bench):
     bench.refused("a folder of labels without --quantise", "goes with --quantise", bench.path("boxes.int8.tflite"), "--labels", photographs)
 
 
+def points(bias):
+    """Five keypoints, and a score whose numbers before LOGISTIC lie about the bias."""
+    b = Real(4)
+    b.conv(8, 2, 3)
+    b.then("MEAN", (1, 8), None, b.const("int32", [1, 2]), options="Reducer", KeepDims=False)
+    inner, outs = b.last, []
+    for count, start in ((10, 16.0), (1, bias)):
+        b.last = inner
+        b.then("FULLY_CONNECTED", (1, count), None, b.const("float32", b.r.normal(0, 0.2 if count == 1 else 8, (count, 8))),
+               b.const("float32", np.full(count, start)), options="FullyConnected")
+        outs.append(b.last)
+    b.then("LOGISTIC", (1, 1), None)
+    return b.bytes([b.input], [outs[0], b.last])
+
+
+def cancelling():
+    """Differences of large numbers, of which bytes leave nothing."""
+    b = Real(5)
+    b.then("MEAN", (1, 3), None, b.const("int32", [1, 2]), options="Reducer", KeepDims=False)
+    for number in (1003.0, -1003.0):
+        b.then("ADD", (1, 3), None, b.const("float32", np.full((1, 3), number)), options="Add")
+    return b.file()
+
+
+def losses_that_refuse(bench):
+    """A network is not written whose output is lost, or whose score no picture has brought above one half."""
+    folder = os.path.join(bench.folder, "pictures")
+    out = bench.path("lost.fvm")
+    for what, data, text, options in (("an output that is lost", cancelling(), "--quantise: output 0 ", ("--decoder", "embedding")),
+                                      ("a score that no picture shows", points(-6.0), "no picture showed what is sought", ("--decoder", "landmarks", "--points", "5,2"))):
+        path = bench.path("lossy.tflite", data)
+        bench.refused(what, text, "--quantise", path, folder, "-o", out, *options)
+        bench.holds("nothing is written", not os.path.exists(out) and not os.path.exists(bench.path("lost.int8.tflite")))
+        done = bench.tool("--quantise", path, folder, "-o", out, "--any-loss", *options)
+        bench.holds("--any-loss goes on", done.returncode == 0 and os.path.exists(out) and os.path.exists(bench.path("lost.int8.tflite")), done)
+        for written in (out, bench.path("lost.int8.tflite")):
+            os.remove(written)
+    done = bench.tool("--quantise", bench.path("lossy.tflite", cancelling()), folder, "-o", out, "--decoder", "none")
+    bench.holds("what no decoder reads is not refused", done.returncode == 0, done)
+    done = bench.tool("--quantise", bench.path("seen.tflite", points(6.0)), folder, "-o", out, "--decoder", "landmarks", "--points", "5,2")
+    bench.holds("a score on both sides of one half", done.returncode == 0, done)
+    bench.refused("--any-loss alone", "found without --quantise", bench.path("lossy.tflite"), "--any-loss")
+
+
 def refuses(bench):
     folder = os.path.join(bench.folder, "pictures")
     model = bench.path("real.tflite")
@@ -456,6 +500,7 @@ def main():
         ranges(bench)
         fits(bench)
         precision(bench)
+        losses_that_refuse(bench)
         refuses(bench)
     return 1 if bench.wrong else 0
 

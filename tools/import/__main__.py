@@ -187,6 +187,8 @@ def options():
     parser.add_argument("model")
     parser.add_argument("pictures", nargs="*", metavar="PICTURE", help="pictures or folders of them, for --quantise")
     parser.add_argument("--quantise", action="store_true", help="the model is of real numbers: quantise it on the pictures first")
+    parser.add_argument("--any-loss", action="store_true", help="with --quantise: go on where an output that the decoder reads is lost, or no picture showed "
+                        "what is sought")
     parser.add_argument("-o", "--output", help="the .fvm file (default: beside the model)")
     parser.add_argument("--check", nargs="*", metavar="IMAGE", help="compare with the reference on images and noise")
     parser.add_argument("--layers", action="store_true", help="compare every operator, not only the outputs")
@@ -205,6 +207,8 @@ def main():
     warnings.simplefilter("ignore", RuntimeWarning)  # numpy's, of scales that a damaged file has; what is wrong is said in one line
     if arguments.pictures and not arguments.quantise:
         return complain(f"{arguments.pictures[0]}: found a second file, expected one model (pictures go with --quantise)")
+    if arguments.any_loss and not arguments.quantise:
+        return complain("--any-loss: found without --quantise, expected with it")
     if arguments.recut is not None:
         return cut_anew(arguments)
     if arguments.output is not None and arguments.output.endswith((".tflite", ".onnx")):

@@ -17,6 +17,7 @@ import custom
 import dense
 import details
 import graph as graph_module
+import lost
 import planes
 import use
 from graph import ImportProblem
@@ -198,9 +199,9 @@ class Tried(NamedTuple):
 
 
 def losses(before, after, values):
-    """A line for each output: the root of the mean square of the differences beside that of the numbers."""
+    """For each output a line, and the share that is lost: the root of the mean square of the differences beside that of the numbers."""
     pairs = [(before(v), after(v)) for v in values]
-    lines = []
+    lines, shares = [], []
     for i, detail in enumerate(before.outputs):
         a, b = (np.stack([pair[k][i] for pair in pairs]) for k in (0, 1))
         size, off = float(np.sqrt(np.mean(a * a))), np.abs(a - b)
@@ -208,7 +209,8 @@ def losses(before, after, values):
         same = sum(int(np.argmax(x) == np.argmax(y)) for x, y in zip(a, b))
         lines.append(f"loss of output {i} {detail['name'][:40]} {[int(n) for n in detail['shape']]}: rms {rms:.4g}, {100 * rms / max(size, 1e-30):.2f} % of the "
                      f"numbers' {size:.3g}; at most {float(off.max()):.3g}; the largest number at the same place in {same} of {len(values)}")
-    return lines
+        shares.append(lost.share(rms, size, float(after.outputs[i]["quantization"][0])))
+    return lines, shares
 
 
 def with_archive(source, target):
@@ -284,7 +286,10 @@ def run(path, target, arguments, metadata, labels=()):
             kept = values[HOLD_OUT - 1::HOLD_OUT] if len(values) >= 2 * HOLD_OUT else []
             made = quantised(data, [v for i, v in enumerate(values) if not kept or i % HOLD_OUT != HOLD_OUT - 1])
             tried = Tried(Net(data), Net(made), pictures, files, values, range(HOLD_OUT - 1, len(values), HOLD_OUT) if kept else range(0))
-            lines = losses(tried.before, tried.after, kept or values)
+            lines, shares = losses(tried.before, tried.after, kept or values)
+            why = None if arguments.any_loss else lost.fault(made, kind, list(labels), metadata, arguments, shares)
+            if why:
+                raise ImportProblem(why)
     except (ImportProblem, OSError, KeyboardInterrupt, MemoryError):
         raise
     except Exception as problem:  # whatever the quantiser's libraries raise on a model that they do not take
