@@ -277,6 +277,22 @@ def label_files():
         holds("a picture without labels", "masks/a.png: not there; expected the labels of " in refused(read), refused(read))
 
 
+def nothing_to_learn():
+    """Pictures to learn from that show no object at all are refused; one object is enough."""
+    r = np.random.default_rng(6)
+    images, names, boxes = drawn(r, 20, 1)
+    none = np.zeros((20, 2), int)
+    said = refused(split.hold, split.split(images, names, none, 1), none, "objects", "folder")
+    holds(f"no object: {said}", said.startswith("folder: found no objects of any class in ") and said.endswith(" of 20 pictures, those to learn from: expected some"), said)
+    objects = split.objects_of(boxes, 2)
+    parts = split.split(images, names, objects, 1)
+    held_out = objects.copy()
+    held_out[parts.learn] = 0
+    holds("objects of pictures that are held out are not learnt from", "found no objects of" in refused(split.hold, parts, held_out, "objects", "folder"))
+    held_out[parts.learn[0], 1] = 1
+    holds("one object", refused(split.hold, parts, held_out, "objects", "folder") == "")
+
+
 def evened():
     """What is far away counts by the few cells that it shows."""
     try:
@@ -306,6 +322,7 @@ def main():
     known_classes()
     labelled_pictures()
     label_files()
+    nothing_to_learn()
     return 1 if wrong else 0
 
 

@@ -38,10 +38,11 @@ def train(kind, names, scenes, paths, others, arguments, begun):
         judged = set()
     objects = kind.measure(scenes)
     parts = split.split([s[0] for s in scenes], paths, objects, arguments.seed, judged)
-    split.say(parts, objects, names, kind.unit)
     learn, watch, held_out = ([scenes[i] for i in part] for part in (parts.learn, parts.watch, parts.judge))
     if not learn:
         raise LabelProblem(f"{os.path.dirname(paths[0])}: found {len(scenes)} pictures and none left to learn from, expected more")
+    split.hold(parts, objects, kind.unit, os.path.dirname(paths[0]))
+    split.say(parts, objects, names, kind.unit)
     if others:
         if others[0] != names:
             raise LabelProblem(f"--judge: found classes {' '.join(others[0])[:80]}, expected {' '.join(names)[:80]}")

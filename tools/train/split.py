@@ -5,6 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from labels import LabelProblem
+
 JUDGED, WATCHED = 0.2, 0.15  # of the pictures, or of what is left of them
 ALIKE = 0.9                  # correlation of small copies: the same scene
 SMALL = (18, 24)             # rows and columns of a small copy
@@ -88,6 +90,12 @@ def split(images, paths, objects, seed, judged=None):
     rest = np.setdiff1d(everything, judge)
     watch = rest[taken_aside(rng, numbers[rest], objects[rest], WATCHED)] if len(rest) >= WATCH_MIN else np.zeros(0, int)
     return Split([int(i) for i in np.setdiff1d(rest, watch)], [int(i) for i in watch], [int(i) for i in judge], len(np.unique(numbers)), mixed)
+
+
+def hold(parts, objects, unit, where):
+    """Pictures that show nothing of any class teach nothing. `objects`: how much of each class each picture shows."""
+    if not np.sum(objects[parts.learn]):
+        raise LabelProblem(f"{where}: found no {unit.split()[-1]} of any class in {len(parts.learn)} of {len(objects)} pictures, those to learn from: expected some")
 
 
 def say(parts, objects, names, unit="objects"):
