@@ -236,38 +236,49 @@ static void fit_unit(struct fv_odometry *o)
     if (o->state->agreement.matches > 0) fit_quarter(o);
 }
 
-static void match_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+/* Match the next features of the earlier keyframe. */
+static void match_some(struct fv_odometry *o, const struct fv_kernels *kernels,
+                       const struct fv_map_frame *a, const struct fv_map_frame *b, uint32_t sampled)
 {
     uint8_t descriptors[FV_AGREEMENT_UNIT][FV_MAP_DESCRIPTOR_BYTES];
     struct fv_agreement_state *s = &o->state->agreement;
     const struct fv_agreement *g = &o->agreement;
-    const struct fv_map_frame a = fv_map_frame_at(&o->map, s->before),
-                              b = fv_map_frame_at(&o->map, s->slot);
-    const uint32_t stride = stride_of(&a),
-                   sampled = stride > 0 ? (a.keyframe->features + stride - 1) / stride : 0;
+    const uint32_t stride = stride_of(a);
     if (s->next == 0)
-        for (uint32_t f = 0; f < b.keyframe->features; f++)
+        for (uint32_t f = 0; f < b->keyframe->features; f++)
             g->distance[f] = UINT16_MAX;
     const uint32_t first = s->next, left = sampled - first,
                    some = left < FV_AGREEMENT_UNIT ? left : FV_AGREEMENT_UNIT;
     for (uint32_t i = 0; i < some; i++)
         memcpy(descriptors[i],
-               a.descriptors + (size_t)((first + i) * stride) * FV_MAP_DESCRIPTOR_BYTES,
+               a->descriptors + (size_t)((first + i) * stride) * FV_MAP_DESCRIPTOR_BYTES,
                FV_MAP_DESCRIPTOR_BYTES);
     kernels->hamming_two_u8(g->nearest + first, g->second + first, descriptors[0], (int32_t)some,
-                            b.descriptors, (int32_t)b.keyframe->features);
+                            b->descriptors, (int32_t)b->keyframe->features);
     for (; s->next < first + some; s->next++) {
         const uint32_t distance = g->nearest[s->next] >> FV_MATCH_INDEX_BITS,
                        feature = g->nearest[s->next] & 0xffff;
         if (g->nearest[s->next] != FV_MATCH_NONE && distance < g->distance[feature])
             g->distance[feature] = (uint16_t)distance;
     }
-    if (s->next < sampled) { /* a quarter takes less than judging does in the last unit */
-        if (s->matches > 0) fit_quarter(o);
-        return;
+}
+
+/* Match some, and go on with the fit of the pair before, whose matches judging writes over: a
+ * quarter of a fit takes less than judging does. */
+static void match_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_agreement_state *s = &o->state->agreement;
+    const struct fv_map_frame a = fv_map_frame_at(&o->map, s->before),
+                              b = fv_map_frame_at(&o->map, s->slot);
+    const uint32_t stride = stride_of(&a),
+                   sampled = stride > 0 ? (a.keyframe->features + stride - 1) / stride : 0;
+    if (s->next < sampled) match_some(o, kernels, &a, &b, sampled);
+    if (s->matches > 0) {
+        fit_quarter(o);
+    } else if (s->next >= sampled) {
+        judge(o, &a, &b, sampled);
+        s->busy = false;
     }
-    judge(o, &a, &b, sampled);
-    s->busy = false;
 }
 
 static void drop_unit(struct fv_odometry *o)

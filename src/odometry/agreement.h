@@ -39,7 +39,8 @@
  *
  * A job in units: FV_AGREEMENT_UNIT features are matched in each. Two more fit the pair's motion,
  * after all other work on the map; where the next keyframe comes before, as on a road, the fit goes
- * on beside the matching of that, a quarter in a unit. Real-time safe, no addresses in the state.
+ * on beside the matching of that, a quarter in a unit, and is done before that pair is judged.
+ * Real-time safe, no addresses in the state.
  */
 #ifndef FOVEA_ODOMETRY_AGREEMENT_H
 #define FOVEA_ODOMETRY_AGREEMENT_H

@@ -197,10 +197,10 @@ static void weak_poses_are_withheld(void **state)
 }
 
 /* Where the next keyframe comes before a pair's motion is fitted, it is fitted beside it. */
-static void no_pair_goes_unfitted(void **state)
+static void no_pair_of_features_goes_unfitted(uint32_t features)
 {
-    (void)state;
     sim_rig_open_kept(&rig, "sim:orbit?width=400&height=300", 0, FRAMES);
+    rig.config.features.count_max = features;
     sim_rig_build(&rig);
     run_to(FRAMES / 2);
     struct fv_odometry *o = &rig.rt->odometry;
@@ -216,6 +216,14 @@ static void no_pair_goes_unfitted(void **state)
     assert_int_equal(g->checks, checks + 3);
     assert_int_equal(g->motion_bias.seen, seen + 2); /* the last waits for the next, or for time */
     sim_rig_close(&rig);
+}
+
+/* However few units matching takes. */
+static void no_pair_goes_unfitted(void **state)
+{
+    (void)state;
+    no_pair_of_features_goes_unfitted(1000);
+    no_pair_of_features_goes_unfitted(180);
 }
 
 /* By one camera alone, poses of a map that stay weak are `lost` until one is confident. */
