@@ -408,7 +408,8 @@ enum fovea_calibration_state {
 enum fovea_calibration_cause {
     FOVEA_CALIBRATION_NOTHING = 0,
     FOVEA_CALIBRATION_CHANGED, /* the lens is another than before: knocked, focused anew */
-    FOVEA_CALIBRATION_UNFIT    /* the motion of the pictures fits another focal length */
+    FOVEA_CALIBRATION_UNFIT /* the motion of the pictures fits another focal length, or a map that
+                               was not steady before does */
 };
 
 enum { FOVEA_CALIBRATION_REASON_BYTES = 128 };

@@ -35,7 +35,8 @@ static void decide(struct fv_calibration_state *s, enum fovea_calibration_state 
                    enum fovea_calibration_cause cause, double value)
 {
     const bool is_larger = (uint32_t)verdict == s->verdict && s->cause == (uint32_t)cause &&
-                           cause == FOVEA_CALIBRATION_UNFIT && value * value > s->value * s->value;
+                           cause == FOVEA_CALIBRATION_UNFIT && verdict == FOVEA_CALIBRATION_WRONG &&
+                           value * value > s->value * s->value;
     if ((uint32_t)verdict <= s->verdict && !is_larger) return;
     s->verdict = (uint32_t)verdict;
     s->cause = (uint32_t)cause;

@@ -4,10 +4,11 @@
  * A change is believed when one of two measured frames in a row shows it far beyond its limit and
  * standard deviation and the other agrees, or when FV_CALIBRATION_FRAMES show a smaller one: the
  * map follows a lens that moved within a few frames. It is a lens that moved if the map was
- * steady for FV_CALIBRATION_STEADY measured frames before: by a wrong calibration a young map is
- * bent, and frames that see it from elsewhere show that as a change too. A mismatch is believed
- * when FV_CALIBRATION_WINDOWS windows in a row say it. A verdict stands until the next reset; of a
- * wrong calibration the largest value is kept. The limits are at the top of calibration.c. */
+ * steady for FV_CALIBRATION_STEADY measured frames since it was begun, entered or merged: by a
+ * wrong calibration a young map is bent, and frames that see it from elsewhere show that as a
+ * change too. A mismatch is believed when FV_CALIBRATION_WINDOWS windows in a row say it. A verdict
+ * stands until the next reset; of a wrong calibration the largest value is kept. The limits are at
+ * the top of calibration.c. */
 #ifndef FOVEA_RUNTIME_CALIBRATION_H
 #define FOVEA_RUNTIME_CALIBRATION_H
 
