@@ -16,17 +16,18 @@
  * not 1, the place is another. A map of another unit that one in metres meets comes to metres: when
  * it is the older one, its lengths change, and origin and axes stay.
  *
- * Where the maps of both keyframes know of gravity (fv_map_gravity_of: a unit vector in the axes of
- * the map, its standard deviation in rad), corrections keep it. The relation is levelled: turned so
- * that it takes gravity in the one camera to gravity in the other, and refined in what that leaves
- * open. Keyframes turn about gravity alone (pose_graph.h), and so does the younger of two maps
- * against the older one. In metres by two cameras that leaves 4 degrees of freedom, yaw and
- * position, as in T. Qin, P. Li, S. Shen, "VINS-Mono" (T-RO 2018). In a map by one camera the scale
- * is a fifth, also where an inertial sensor has shown its metres: its unit drifts on the way, and
- * closures that hold it leave keyframes off by 1.2 to 4 times as much (sim:corridor). A relation
- * that tilts the ends by more than gravity is known to, or in which the metres of two maps differ
- * by more than a fifth, is another place. A map that knows nothing of gravity learns it from the
- * one that it is merged with by all its degrees of freedom.
+ * Where the maps of both keyframes know gravity to 20 mrad (fv_map_upright: a unit vector in the
+ * axes of the map, its standard deviation in rad), corrections keep it. The relation is levelled:
+ * turned so that it takes gravity in the one camera to gravity in the other, and refined in what
+ * that leaves open. Keyframes turn about gravity alone (pose_graph.h), and so does the younger of
+ * two maps against the older one. In metres by two cameras that leaves 4 degrees of freedom, yaw
+ * and position, as in T. Qin, P. Li, S. Shen, "VINS-Mono" (T-RO 2018). In a map by one camera the
+ * scale is a fifth, also where an inertial sensor has shown its metres: its unit drifts on the way,
+ * and closures that hold it leave keyframes off by 1.2 to 4 times as much (sim:corridor). A
+ * relation that tilts the ends by more than gravity is known to, or in which the metres of two maps
+ * differ by a fifth more than three of their standard deviations, is another place. A map that
+ * knows nothing of gravity learns it from the one that it is merged with by all its degrees of
+ * freedom.
  *
  * The commit is one bounded unit: keyframes move by their own correction (those made since by that
  * of the nearest ancestor that has one), landmarks with their reference keyframe, the frame in work

@@ -36,7 +36,7 @@ void fv_closure_graph_begin(struct fv_closure *closure, const struct fv_map *map
             oldest = map->keyframes[k].number;
     fv_pose_graph_begin(&closure->graph);
     closure->graph.state->rigid = fv_map_metric_of(map, map_id);
-    closure->graph.state->upright = fv_map_gravity_of(map, map_id, &gravity);
+    closure->graph.state->upright = fv_map_upright(map, map_id, &gravity);
     if (closure->graph.state->upright) fv_copy3(gravity.down, closure->graph.state->down);
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];

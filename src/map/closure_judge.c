@@ -15,8 +15,9 @@ static const double drift_slack = 0.3;        /* of the median depth */
 /* Of what a relation tilts one keyframe against another by more than gravity is known to: maps
  * bend, and it is itself no surer. */
 static const double tilt_slack_rad = 0.02, tilt_sigmas_max = 4;
-/* Of two maps whose metres are known, each to 4 % or better, and drift: logarithm of a factor. */
-static const double metres_log_max = 0.2;
+/* Of two maps whose metres are known, beside what is not known of them, since they drift: logarithm
+ * of a factor. */
+static const double metres_log_max = 0.2, metres_sigmas_max = 3;
 
 /* ---- drift ----------------------------------------------------------------------------------- */
 
@@ -32,8 +33,8 @@ static void level_correction(const struct fv_map *map, uint32_t slot, uint32_t o
 {
     struct fv_map_gravity own, others;
     double turned[3], T[9], R[9], centre[3], before[3], after[3];
-    if (!fv_map_gravity_of(map, map->keyframes[slot].map_id, &own) ||
-        !fv_map_gravity_of(map, map->keyframes[other].map_id, &others))
+    if (!fv_map_upright(map, map->keyframes[slot].map_id, &own) ||
+        !fv_map_upright(map, map->keyframes[other].map_id, &others))
         return;
     centre_of(&map->keyframes[slot], centre);
     fv_sim3_apply(S, centre, before);
@@ -127,7 +128,7 @@ static bool gravity_at(const struct fv_map *map, uint32_t slot, struct fv_map_gr
 {
     const struct fv_keyframe *k = &map->keyframes[slot];
     struct fv_map_gravity known;
-    if (!fv_map_gravity_of(map, k->map_id, &known)) return false;
+    if (!fv_map_upright(map, k->map_id, &known)) return false;
     fv_rotate3(k->T_cam_world.R, known.down, gravity->down);
     gravity->sigma = known.sigma;
     return true;
@@ -145,9 +146,11 @@ static bool metres_agree(const struct fv_map *map, const struct fv_closure_state
 {
     const uint32_t own = map->keyframes[s->keyframe.slot].map_id,
                    others = map->keyframes[s->candidates[s->candidate].slot].map_id;
-    const double a = fv_map_scale_of(map, own), b = fv_map_scale_of(map, others);
+    double at_a, at_b;
+    const double a = fv_map_scale_of(map, own, &at_a), b = fv_map_scale_of(map, others, &at_b);
     return own == others || !(a > 0) || !(b > 0) ||
-           fv_abs(fv_log(s->S_keyframe_candidate.s * a / b)) < metres_log_max;
+           fv_abs(fv_log(s->S_keyframe_candidate.s * a / b)) <
+               metres_log_max + metres_sigmas_max * __builtin_sqrt(at_a + at_b);
 }
 
 bool fv_closure_level(struct fv_closure *closure, const struct fv_map *map, bool rigid)

@@ -167,17 +167,19 @@ void fv_map_enter(struct fv_map *map, uint32_t map_id)
 {
     struct fv_map_state *s = map->state;
     if (s->map_id == map_id) return;
+    struct fv_map_odom entered = {.map_id = UINT32_MAX};
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
+        if (s->left[i].map_id == map_id) entered = s->left[i]; /* which leaving may write over */
     leave(s);
     s->map_id = map_id;
-    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++) {
-        if (s->left[i].map_id != map_id) continue;
-        s->odom_id = s->left[i].odom_id;
-        s->S_map_world = s->left[i].S_map_world;
-        s->scale = s->left[i].scale;
-        s->gravity = s->left[i].gravity;
+    if (entered.map_id != map_id) {
+        begin_odom(s, s->map_next++);
         return;
     }
-    begin_odom(s, s->map_next++);
+    s->odom_id = entered.odom_id;
+    s->S_map_world = entered.S_map_world;
+    s->scale = entered.scale;
+    s->gravity = entered.gravity;
 }
 
 void fv_map_drop(struct fv_map *map, uint32_t map_id)

@@ -258,19 +258,22 @@ bool fv_map_metric_of(const struct fv_map *map, uint32_t map_id)
     return false;
 }
 
-static double metres_per_unit(const struct fv_map_scale *scale, const struct fv_sim3 *S_map_world)
+static double metres_per_unit(const struct fv_map_scale *scale, const struct fv_sim3 *S_map_world,
+                              double *variance)
 {
+    if (variance != NULL) *variance = scale->variance;
     if (scale->source == FOVEA_SCALE_FREE) return 0;
     return fv_exp(scale->log_scale) / S_map_world->s;
 }
 
-double fv_map_scale_of(const struct fv_map *map, uint32_t map_id)
+double fv_map_scale_of(const struct fv_map *map, uint32_t map_id, double *variance)
 {
     const struct fv_map_state *s = map->state;
-    if (map_id == s->map_id) return metres_per_unit(&s->scale, &s->S_map_world);
+    if (variance != NULL) *variance = 0;
+    if (map_id == s->map_id) return metres_per_unit(&s->scale, &s->S_map_world, variance);
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
         if (s->left[i].map_id == map_id)
-            return metres_per_unit(&s->left[i].scale, &s->left[i].S_map_world);
+            return metres_per_unit(&s->left[i].scale, &s->left[i].S_map_world, variance);
     return 0;
 }
 
@@ -291,6 +294,11 @@ bool fv_map_gravity_of(const struct fv_map *map, uint32_t map_id, struct fv_map_
         if (s->left[i].map_id == map_id)
             return turned_gravity(&s->left[i].gravity, &s->left[i].S_map_world, gravity);
     return false;
+}
+
+bool fv_map_upright(const struct fv_map *map, uint32_t map_id, struct fv_map_gravity *gravity)
+{
+    return fv_map_gravity_of(map, map_id, gravity) && gravity->sigma <= FV_MAP_GRAVITY_SIGMA;
 }
 
 bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *l)

@@ -59,6 +59,8 @@ enum {
 
 /* px^2 of level 0: matches are not better than that, however well the few of a frame agree. */
 #define FV_MAP_VARIANCE_MIN 0.05
+/* rad: to which gravity must be known to hold roll and pitch of a map. */
+#define FV_MAP_GRAVITY_SIGMA 0.02
 
 /* A feature of a frame. */
 struct fv_pixel {
@@ -361,10 +363,13 @@ static inline struct fv_inverse_distance *fv_map_distances(const struct fv_map *
 bool fv_map_metric(const struct fv_map *map);
 /* The same of any map, by its id. */
 bool fv_map_metric_of(const struct fv_map *map, uint32_t map_id);
-/* Metres per unit of any map's own frame, as it is now; 0: not known, or no such map. */
-double fv_map_scale_of(const struct fv_map *map, uint32_t map_id);
+/* Metres per unit of any map's own frame, as it is now; 0: not known, or no such map. `variance`,
+ * unless NULL: of its logarithm. */
+double fv_map_scale_of(const struct fv_map *map, uint32_t map_id, double *variance);
 /* Gravity in any map's own axes, as they are now. False: not known, or no such map. */
 bool fv_map_gravity_of(const struct fv_map *map, uint32_t map_id, struct fv_map_gravity *gravity);
+/* The same where it is known well enough to hold a map: to FV_MAP_GRAVITY_SIGMA. */
+bool fv_map_upright(const struct fv_map *map, uint32_t map_id, struct fv_map_gravity *gravity);
 /* Whether enough is known of where a landmark is: two keyframes see it, or the one that sees it
  * knows its distance. */
 bool fv_map_landmark_stands(const struct fv_map *map, const struct fv_landmark *landmark);

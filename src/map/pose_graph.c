@@ -227,7 +227,6 @@ static void add_to_node(const double A[49], const double WA[49], const double e[
             tree[i++] = own[7 * r + c];
 }
 
-/* Steps multiply on the left: S <- exp(x) S. */
 /* Keep of each row's turn what is about the vertical, as a node has it in its own axes. */
 static void keep_upright(const struct fv_pose_graph *g, const struct fv_graph_node *node,
                          double A[49])
@@ -242,6 +241,7 @@ static void keep_upright(const struct fv_pose_graph *g, const struct fv_graph_no
     }
 }
 
+/* Steps multiply on the left: S <- exp(x) S. */
 static void linearise_edge(struct fv_pose_graph *g, uint32_t number)
 {
     struct fv_graph_edge *edge = &g->edges[number];

@@ -416,7 +416,7 @@ void fovea_imu_status_get(const struct fovea *rt, struct fovea_imu_status *statu
 double fovea_map_scale_get(const struct fovea *rt, uint32_t map_id)
 {
     if (!rt->config.odometry.enabled) return 0;
-    return fv_map_scale_of(fv_odometry_map(&rt->odometry), map_id);
+    return fv_map_scale_of(fv_odometry_map(&rt->odometry), map_id, NULL);
 }
 
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

@@ -204,6 +204,25 @@ static void whatever_is_read_is_a_direction(void **state)
     give_back();
 }
 
+/* The oldest of as many maps as are remembered, in whose place the one goes that is left for it. */
+static void a_map_that_is_entered_keeps_what_is_known(void **state)
+{
+    (void)state;
+    static struct fv_map_state s;
+    struct fv_map map = {.state = &s};
+    s.map_next = 1;
+    for (int n = 0; n < FV_MAP_WORLDS_MAX; n++) {
+        s.gravity = (struct fv_map_gravity){{0, 0, 1}, 0.001 * (n + 1)};
+        fv_map_begin_another(&map);
+    }
+    fv_map_enter(&map, 0);
+    assert_true(s.map_id == 0 && s.gravity.sigma == 0.001);
+    fv_map_enter(&map, 5);
+    assert_true(s.map_id == 5 && s.gravity.sigma == 0.006);
+    fv_map_enter(&map, 0);
+    assert_true(s.map_id == 0 && s.gravity.sigma == 0.001);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -211,6 +230,7 @@ int main(void)
         cmocka_unit_test(a_map_without_it_is_the_file_it_always_was),
         cmocka_unit_test(damaged_values_are_refused_with_the_byte),
         cmocka_unit_test(whatever_is_read_is_a_direction),
+        cmocka_unit_test(a_map_that_is_entered_keeps_what_is_known),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
