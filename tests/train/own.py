@@ -5,6 +5,7 @@ user's pictures keep their boxes and labels on their objects, and wrong label pi
 import contextlib
 import io
 import os
+import subprocess
 import sys
 import tempfile
 
@@ -293,6 +294,16 @@ def nothing_to_learn():
     holds("one object", refused(split.hold, parts, held_out, "objects", "folder") == "")
 
 
+def quietened():
+    """What a library writes to the error stream is not shown, unless what it does fails."""
+    start = f"import sys; sys.path.insert(0, {os.path.dirname(split.__file__)!r})\nimport os\nfrom quiet import quiet\nwith quiet():\n    os.write(2, b'noise'); print('more', file=sys.stderr)\n"
+    for end, expected in (("print('own', file=sys.stderr)", "own\n"), ("", "")):
+        done = subprocess.run([sys.executable, "-c", start + end], capture_output=True, text=True, check=False)
+        holds("a library's words are kept back", (done.returncode, done.stderr) == (0, expected), done)
+    done = subprocess.run([sys.executable, "-c", start + "    raise ValueError('odd')"], capture_output=True, text=True, check=False)
+    holds("and shown where it fails", done.returncode == 1 and done.stderr.startswith("noisemore\n") and done.stderr.endswith("ValueError: odd\n"), done)
+
+
 def evened():
     """What is far away counts by the few cells that it shows."""
     try:
@@ -323,6 +334,7 @@ def main():
     labelled_pictures()
     label_files()
     nothing_to_learn()
+    quietened()
     return 1 if wrong else 0
 
 

@@ -10,6 +10,7 @@ from tensorflow.python.framework.convert_to_constants import convert_variables_t
 import judge
 import network
 from augment import HEIGHT, STRIDE, WIDTH
+from quiet import quiet
 
 SCORE_MIN = 0.05
 IMPORT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "import")
@@ -21,15 +22,16 @@ def to_tflite(model, images):
         for image in images:
             yield [((image.astype(np.float32) - 128.0) / 128.0)[None, ..., None]]
 
-    fixed = tf.function(lambda image: model(image, training=False),
-                        input_signature=[tf.TensorSpec((1, HEIGHT, WIDTH, 1), tf.float32)])
-    frozen = convert_variables_to_constants_v2(fixed.get_concrete_function())
-    converter = tf.lite.TFLiteConverter.from_concrete_functions([frozen])
-    converter.optimizations = [tf.lite.Optimize.DEFAULT]
-    converter.representative_dataset = calibration
-    converter.target_spec.supported_ops = [tf.lite.OpsSet.TFLITE_BUILTINS_INT8]
-    converter.inference_input_type = converter.inference_output_type = tf.int8
-    return converter.convert()
+    with quiet():
+        fixed = tf.function(lambda image: model(image, training=False),
+                            input_signature=[tf.TensorSpec((1, HEIGHT, WIDTH, 1), tf.float32)])
+        frozen = convert_variables_to_constants_v2(fixed.get_concrete_function())
+        converter = tf.lite.TFLiteConverter.from_concrete_functions([frozen])
+        converter.optimizations = [tf.lite.Optimize.DEFAULT]
+        converter.representative_dataset = calibration
+        converter.target_spec.supported_ops = [tf.lite.OpsSet.TFLITE_BUILTINS_INT8]
+        converter.inference_input_type = converter.inference_output_type = tf.int8
+        return converter.convert()
 
 
 def write_fvm(tflite, output, labels, options, colours=None):
@@ -79,8 +81,13 @@ class Int8:
     """The .tflite in the reference interpreter."""
 
     def __init__(self, data):
-        self.interpreter = tf.lite.Interpreter(model_content=data)
-        self.interpreter.allocate_tensors()
+        with quiet():
+            try:
+                from ai_edge_litert.interpreter import Interpreter  # TensorFlow is to lose its own
+            except ImportError:
+                Interpreter = tf.lite.Interpreter
+            self.interpreter = Interpreter(model_content=data)
+            self.interpreter.allocate_tensors()
         self.input, self.output = self.interpreter.get_input_details()[0], self.interpreter.get_output_details()[0]
 
     def __call__(self, image):
