@@ -26,12 +26,12 @@ static void each_map_has_its_own_scale(void **state)
     s.left[2].map_id = 5;
     s.left[2].S_map_world.s = 1;
     s.left_count = 3;
-    assert_true(fabs(fv_map_scale_of(&map, 7) - 0.5) < 1e-12);
-    assert_true(fabs(fv_map_scale_of(&map, 3) - 6) < 1e-12);
-    assert_true(fv_map_scale_of(&map, 5) == 0); /* not known */
-    assert_true(fv_map_scale_of(&map, 9) == 0); /* no such map */
+    assert_true(fabs(fv_map_scale_of(&map, 7, NULL) - 0.5) < 1e-12);
+    assert_true(fabs(fv_map_scale_of(&map, 3, NULL) - 6) < 1e-12);
+    assert_true(fv_map_scale_of(&map, 5, NULL) == 0); /* not known */
+    assert_true(fv_map_scale_of(&map, 9, NULL) == 0); /* no such map */
     s.left_count = 1;
-    assert_true(fv_map_scale_of(&map, 3) == 0); /* not written yet */
+    assert_true(fv_map_scale_of(&map, 3, NULL) == 0); /* not written yet */
 }
 
 static void each_map_has_its_own_gravity(void **state)
