@@ -255,14 +255,6 @@ static void hold_scale(double H[49], double g[7])
     g[6] = 0;
 }
 
-/* Of a turn what is about `down`. */
-static void keep_about(const double down[3], double turn[3])
-{
-    const double about = fv_dot3(down, turn);
-    for (int i = 0; i < 3; i++)
-        turn[i] = about * down[i];
-}
-
 /* Turns go about `down` alone; H is filled below its diagonal. */
 static void hold_tilt(const double down[3], double H[49], double g[7])
 {
@@ -280,7 +272,7 @@ static void hold_tilt(const double down[3], double H[49], double g[7])
             H[7 * (3 + i) + 3 + k] = own * down[i] * down[k] + (i == k) - down[i] * down[k];
         H[42 + 3 + i] = down[i] * by[6];
     }
-    keep_about(down, g + 3);
+    fv_keep_along3(down, g + 3);
 }
 
 /* `down`: the only axis of turns, in the axes of a; NULL: all are free. */
@@ -293,7 +285,7 @@ static bool sim3_step(const struct fv_correspondence *correspondences, uint32_t 
     if (rigid) hold_scale(H, g);
     if (down != NULL) hold_tilt(down, H, g);
     if (!fv_ldlt_solve(H, 7, g)) return false;
-    if (down != NULL) keep_about(down, g + 3); /* but for rounding it is */
+    if (down != NULL) fv_keep_along3(down, g + 3); /* but for rounding it is */
     fv_so3_exp(g + 3, step.R);
     fv_copy3(g, step.t);
     step.s = fv_exp(g[6] > 1 ? 1 : g[6] < -1 ? -1 : g[6]);

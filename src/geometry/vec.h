@@ -37,6 +37,14 @@ static inline void fv_subtract3(const double a[3], const double b[3], double out
     out[2] = a[2] - b[2];
 }
 
+/* In place: the part of v along a unit vector. */
+static inline void fv_keep_along3(const double axis[3], double v[3])
+{
+    const double along = fv_dot3(axis, v);
+    for (int i = 0; i < 3; i++)
+        v[i] = along * axis[i];
+}
+
 /* In place; false (and untouched) for a vector too short to have a direction. */
 static inline bool fv_normalise3(double a[3])
 {

@@ -487,8 +487,7 @@ static void read_grid(struct reader *r, const struct fv_map *map, struct fv_arch
     r->at += cells;
 }
 
-/* ---- the whole file ---------------------------------------------------------------------------
- */
+/* ---- the whole file -------------------------------------------------------------------------- */
 
 static bool same_camera(const struct fovea_camera *a, const struct fovea_camera *b)
 {

@@ -248,8 +248,8 @@ static void write_each(struct fv_archive_state *archive, const struct fv_map *ma
                                      const struct fv_map_odom *))
 {
     const struct fv_map_state *s = map->state;
-    const struct fv_map_odom current = {s->map_id, s->odom_id, s->S_map_world, s->scale,
-                                        s->gravity};
+    struct fv_map_odom current;
+    (void)fv_map_odom_of(map, s->map_id, &current);
     write(archive, map, pen, &current);
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
         if (s->left[i].map_id != s->map_id) write(archive, map, pen, &s->left[i]);

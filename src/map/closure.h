@@ -182,9 +182,9 @@ bool fv_closure_search_group(struct fv_closure *closure, const struct fv_map *ma
 void fv_closure_correction(const struct fv_map *map, struct fv_closure_state *state);
 /* Whether it says the same as what is believed, at the offered keyframe. */
 bool fv_closure_same(const struct fv_map *map, const struct fv_closure_state *state);
-/* Whether the maps of both keyframes know of gravity; and then: find `level` by the inliers, which
- * takes the one's to the other's. False: the relation contradicts gravity, or the metres of two
- * maps that know them, so it is another place.
+/* Whether the maps of both keyframes know gravity well enough; and then: find `level` by the
+ * inliers, which takes the one's to the other's. False: the relation contradicts gravity, or the
+ * metres of two maps that know them, so it is another place.
  */
 bool fv_closure_upright(const struct fv_closure_state *state, const struct fv_map *map);
 bool fv_closure_level(struct fv_closure *closure, const struct fv_map *map, bool rigid);

@@ -139,12 +139,14 @@ void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b)
     }
 }
 
-static void leave(struct fv_map_state *s)
+static void leave(const struct fv_map *map)
 {
+    struct fv_map_state *s = map->state;
+    struct fv_map_odom current;
+    (void)fv_map_odom_of(map, s->map_id, &current);
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX; i++) /* at most one entry per map */
         if (s->left[i].map_id == s->map_id) s->left[i].odom_id = s->left[i].map_id = UINT32_MAX;
-    s->left[s->left_count++ % FV_MAP_WORLDS_MAX] =
-        (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_world, s->scale, s->gravity};
+    s->left[s->left_count++ % FV_MAP_WORLDS_MAX] = current;
 }
 
 /* An `odom` frame of its own, of which nothing is known. */
@@ -158,7 +160,7 @@ static void begin_odom(struct fv_map_state *s, uint32_t odom_id)
 
 void fv_map_begin_another(struct fv_map *map)
 {
-    leave(map->state);
+    leave(map);
     map->state->map_id = map->state->map_next++;
     begin_odom(map->state, map->state->map_id);
 }
@@ -167,12 +169,11 @@ void fv_map_enter(struct fv_map *map, uint32_t map_id)
 {
     struct fv_map_state *s = map->state;
     if (s->map_id == map_id) return;
-    struct fv_map_odom entered = {.map_id = UINT32_MAX};
-    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
-        if (s->left[i].map_id == map_id) entered = s->left[i]; /* which leaving may write over */
-    leave(s);
+    struct fv_map_odom entered; /* leaving may write over it */
+    const bool known = fv_map_odom_of(map, map_id, &entered);
+    leave(map);
     s->map_id = map_id;
-    if (entered.map_id != map_id) {
+    if (!known) {
         begin_odom(s, s->map_next++);
         return;
     }

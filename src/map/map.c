@@ -248,52 +248,37 @@ bool fv_map_metric(const struct fv_map *map)
     return map->distances != NULL && metres(&map->state->scale, &map->state->S_map_world);
 }
 
-bool fv_map_metric_of(const struct fv_map *map, uint32_t map_id)
+bool fv_map_odom_of(const struct fv_map *map, uint32_t map_id, struct fv_map_odom *odom)
 {
     const struct fv_map_state *s = map->state;
-    if (map_id == s->map_id) return fv_map_metric(map);
-    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && map->distances != NULL; i++)
-        if (s->left[i].map_id == map_id && metres(&s->left[i].scale, &s->left[i].S_map_world))
-            return true;
-    return false;
+    *odom = (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_world, s->scale, s->gravity};
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count && odom->map_id != map_id; i++)
+        if (s->left[i].map_id == map_id) *odom = s->left[i];
+    return odom->map_id == map_id;
 }
 
-static double metres_per_unit(const struct fv_map_scale *scale, const struct fv_sim3 *S_map_world,
-                              double *variance)
+bool fv_map_metric_of(const struct fv_map *map, uint32_t map_id)
 {
-    if (variance != NULL) *variance = scale->variance;
-    if (scale->source == FOVEA_SCALE_FREE) return 0;
-    return fv_exp(scale->log_scale) / S_map_world->s;
+    struct fv_map_odom odom;
+    return map->distances != NULL && fv_map_odom_of(map, map_id, &odom) &&
+           metres(&odom.scale, &odom.S_map_world);
 }
 
 double fv_map_scale_of(const struct fv_map *map, uint32_t map_id, double *variance)
 {
-    const struct fv_map_state *s = map->state;
-    if (variance != NULL) *variance = 0;
-    if (map_id == s->map_id) return metres_per_unit(&s->scale, &s->S_map_world, variance);
-    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
-        if (s->left[i].map_id == map_id)
-            return metres_per_unit(&s->left[i].scale, &s->left[i].S_map_world, variance);
-    return 0;
-}
-
-static bool turned_gravity(const struct fv_map_gravity *known, const struct fv_sim3 *S_map_world,
-                           struct fv_map_gravity *gravity)
-{
-    if (!(known->sigma > 0)) return false;
-    fv_rotate3(S_map_world->R, known->down, gravity->down);
-    gravity->sigma = known->sigma;
-    return true;
+    struct fv_map_odom odom;
+    const bool known = fv_map_odom_of(map, map_id, &odom) && odom.scale.source != FOVEA_SCALE_FREE;
+    if (variance != NULL) *variance = known ? odom.scale.variance : 0;
+    return known ? fv_exp(odom.scale.log_scale) / odom.S_map_world.s : 0;
 }
 
 bool fv_map_gravity_of(const struct fv_map *map, uint32_t map_id, struct fv_map_gravity *gravity)
 {
-    const struct fv_map_state *s = map->state;
-    if (map_id == s->map_id) return turned_gravity(&s->gravity, &s->S_map_world, gravity);
-    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
-        if (s->left[i].map_id == map_id)
-            return turned_gravity(&s->left[i].gravity, &s->left[i].S_map_world, gravity);
-    return false;
+    struct fv_map_odom odom;
+    if (!fv_map_odom_of(map, map_id, &odom) || !(odom.gravity.sigma > 0)) return false;
+    fv_rotate3(odom.S_map_world.R, odom.gravity.down, gravity->down);
+    gravity->sigma = odom.gravity.sigma;
+    return true;
 }
 
 bool fv_map_upright(const struct fv_map *map, uint32_t map_id, struct fv_map_gravity *gravity)

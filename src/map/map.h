@@ -358,6 +358,9 @@ static inline struct fv_inverse_distance *fv_map_distances(const struct fv_map *
 {
     return map->distances == NULL ? NULL : map->distances + (size_t)slot * map->limits.features;
 }
+/* What is known of the `odom` frame of any map, by its id: the current one, or one that was left.
+ * False: nothing. */
+bool fv_map_odom_of(const struct fv_map *map, uint32_t map_id, struct fv_map_odom *odom);
 /* Whether measured distances hold in the current map: its unit is the metre, because it was begun
  * with them. Other maps have a scale at most (fv_map_scale). */
 bool fv_map_metric(const struct fv_map *map);

@@ -233,12 +233,8 @@ static void keep_upright(const struct fv_pose_graph *g, const struct fv_graph_no
 {
     double down[3];
     fv_rotate3(node->S.R, g->state->down, down);
-    for (int row = 0; row < 7; row++) {
-        double *turn = A + 7 * row + 3;
-        const double about = fv_dot3(turn, down);
-        for (int k = 0; k < 3; k++)
-            turn[k] = about * down[k];
-    }
+    for (int row = 0; row < 7; row++)
+        fv_keep_along3(down, A + 7 * row + 3);
 }
 
 /* Steps multiply on the left: S <- exp(x) S. */
@@ -314,9 +310,7 @@ static void take_steps(struct fv_pose_graph *g)
         if (g->state->upright) {
             double down[3];
             fv_rotate3(node->S.R, g->state->down, down);
-            const double about = fv_dot3(node->step + 3, down);
-            for (int i = 0; i < 3; i++)
-                node->step[3 + i] = about * down[i];
+            fv_keep_along3(down, node->step + 3);
         }
         fv_sim3_exp(node->step, &moved);
         node->before = node->S;

@@ -217,8 +217,7 @@ void fv_nn_real_depthwise(const struct fv_nn_depthwise *d, float *real)
     }
 }
 
-/* ---- a model's table: offsets by operator, then the blocks ------------------------------------
- */
+/* ---- a model's table: offsets by operator, then the blocks ----------------------------------- */
 
 /* Channels that are rounded, or 0, and the bytes of their weights. */
 static int32_t channels_of(const struct fv_model_op *op, int64_t *weights)

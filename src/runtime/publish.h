@@ -5,8 +5,8 @@
  * Frames: `world` is the camera's frame at the start of the map, `odom` the body's at the same
  * instant, p_odom = T_body_cam p_world, until gravity is known, by an inertial sensor or by the map
  * that was entered: from then on it is turned so that gravity points along -z, p_odom = upright
- * T_body_cam p_world. The C interface
- * gives the camera in `world` (struct fovea_pose), messages give both in `odom`.
+ * T_body_cam p_world. The C interface gives the camera in `world` (struct fovea_pose), messages
+ * give both in `odom`.
  *
  * The published position moves by `scale` times what odometry's moves, so that a better estimate of
  * the scale bends the path but does not tear it. Only when the scale or gravity becomes known

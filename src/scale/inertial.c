@@ -483,8 +483,7 @@ static void refresh(struct fv_inertial_stage *stage, const struct fv_odometry *o
     }
 }
 
-/* ---- units and results ------------------------------------------------------------------------
- */
+/* ---- units and results ----------------------------------------------------------------------- */
 
 bool fv_inertial_stage_waiting(const struct fv_inertial_stage *stage)
 {

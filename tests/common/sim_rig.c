@@ -70,6 +70,13 @@ bool sim_rig_next(struct sim_rig *rig)
     return true;
 }
 
+void sim_rig_take_samples(struct sim_rig *rig)
+{
+    rig->inputs.samples = rig->samples;
+    rig->inputs.sample_count =
+        rig->ops->samples(rig->source, &rig->frame, rig->samples, FOVEA_INPUT_SAMPLES_MAX);
+}
+
 void sim_rig_process(struct sim_rig *rig)
 {
     (void)fovea_step(rig->rt, &rig->inputs, &rig->outputs);

@@ -16,6 +16,7 @@ struct sim_rig {
     struct fovea *rt;
     struct fovea_frame frame;
     struct fovea_inputs inputs;
+    struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
     struct fovea_outputs outputs; /* of the last step */
     struct fovea_outputs work;    /* of the work behind it */
     int frames;                   /* processed */
@@ -31,6 +32,8 @@ void sim_rig_open_kept(struct sim_rig *rig, const char *uri, int start, int fram
 void sim_rig_build(struct sim_rig *rig);
 /* Take a frame and prepare the inputs; false at the end. */
 bool sim_rig_next(struct sim_rig *rig);
+/* Then: what the source's other sensors said up to the frame becomes an input, too. */
+void sim_rig_take_samples(struct sim_rig *rig);
 /* Step and work with the inputs. */
 void sim_rig_process(struct sim_rig *rig);
 void sim_rig_close(struct sim_rig *rig);

@@ -16,12 +16,11 @@
 #include "support/text.h"
 
 /* The unit of a map: "of 0.413 m (known by odometry to 0.6 %)", or that it is arbitrary. */
-static void unit_print(const struct fv_map_state *s, uint32_t map_id)
+static void unit_print(const struct fv_map *map, uint32_t map_id)
 {
-    const struct fv_map_scale *scale = &s->scale;
-    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count && s->map_id != map_id; i++)
-        if (s->left[i].map_id == map_id) scale = &s->left[i].scale;
-    if (scale->source == FOVEA_SCALE_FREE || (scale == &s->scale && s->map_id != map_id))
+    struct fv_map_odom odom;
+    const struct fv_map_scale *scale = &odom.scale;
+    if (!fv_map_odom_of(map, map_id, &odom) || scale->source == FOVEA_SCALE_FREE)
         printf(" of arbitrary length");
     else
         printf(" of %.4g m (known by %s to %.1f %%)", fv_exp(scale->log_scale),
@@ -32,7 +31,7 @@ static void unit_print(const struct fv_map_state *s, uint32_t map_id)
                100 * __builtin_sqrt(scale->variance));
 }
 
-/* "; gravity known to 0.12 degrees", or nothing. */
+/* ", gravity known to 0.12 degrees", or nothing. */
 static void gravity_print(const struct fv_map *map, uint32_t map_id)
 {
     struct fv_map_gravity gravity;
@@ -88,7 +87,7 @@ static void info_print(const struct fv_map_open *open, const char *path)
         }
         printf("  map %-6u %u keyframes, %u landmarks, %.4g units from keyframe to keyframe, units",
                id, count, landmarks, length);
-        unit_print(map->state, id);
+        unit_print(map, id);
         gravity_print(map, id);
         puts(id == open->info.map_id ? ", current when saved" : "");
     }

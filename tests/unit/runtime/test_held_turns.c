@@ -34,19 +34,16 @@ static void turn_mount(struct fovea_rig *given)
 
 static void run(const char *uri, enum setting setting)
 {
-    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     sim_rig_open_kept(&rig, uri, 0, FRAMES);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     rig.config.odometry.sensors = setting == MONO ? FOVEA_SENSORS_MONO : FOVEA_SENSORS_AUTO;
     if (setting == WRONG_MOUNT) turn_mount(&rig.config.rig);
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        rig.inputs.sample_count =
-            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
-        rig.inputs.samples = list;
+        sim_rig_take_samples(&rig);
         for (uint32_t i = 0; setting == WRONG_SCALE && i < rig.inputs.sample_count; i++)
             for (int k = 0; k < 3; k++)
-                list[i].imu.gyro[k] *= 1.01;
+                rig.samples[i].imu.gyro[k] *= 1.01;
         sim_rig_process(&rig);
     }
 }

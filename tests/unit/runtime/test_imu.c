@@ -20,14 +20,11 @@
 enum { STATISTICS_EVERY = 10 };
 
 static struct sim_rig rig;
-static struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
 
 static bool next(void)
 {
     if (!sim_rig_next(&rig)) return false;
-    rig.inputs.samples = samples;
-    rig.inputs.sample_count =
-        rig.ops->samples(rig.source, &rig.frame, samples, FOVEA_INPUT_SAMPLES_MAX);
+    sim_rig_take_samples(&rig);
     return true;
 }
 
@@ -102,7 +99,7 @@ static void states_are_told_at_once(void **state)
     for (int frame = 0; next(); frame++) {
         const bool broken = frame >= 23 && frame < 27;
         for (uint32_t i = 0; broken && i < rig.inputs.sample_count; i++)
-            samples[i].imu.gyro[1] = NAN;
+            rig.samples[i].imu.gyro[1] = NAN;
         if (frame >= 41 && frame < 50) rig.inputs.sample_count = 0;
         sim_rig_process(&rig);
         fovea_imu_status_get(rig.rt, &now);
@@ -141,7 +138,7 @@ static void a_copy_goes_on_with_the_same_bits(void **state)
     for (int frame = 0; next(); frame++) {
         if (frame == 20)
             assert_int_equal(fovea_copy(rig.rt, memory, rig.rt->block_bytes, &copy), FOVEA_OK);
-        if (frame % 3 == 0 && rig.inputs.sample_count > 2) samples[2] = samples[1];
+        if (frame % 3 == 0 && rig.inputs.sample_count > 2) rig.samples[2] = rig.samples[1];
         sim_rig_process(&rig);
         if (copy == NULL) continue;
         (void)fovea_step(copy, &rig.inputs, &outputs);

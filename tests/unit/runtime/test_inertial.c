@@ -10,9 +10,8 @@
 
 #include <cmocka.h>
 
-#include "common/sim_rig.h"
+#include "common/sim_body.h"
 #include "fovea/fovea.h"
-#include "fovea_pose_t.h"
 #include "geometry/se3.h"
 #include "geometry/vec.h"
 #include "runtime/state.h"
@@ -50,32 +49,11 @@ static void open_rig(const char *uri, int frames, enum fovea_sensors sensors)
     open_turned(uri, frames, sensors, none);
 }
 
-/* The pose message of the last step. */
-static void take_body(void)
-{
-    for (uint32_t i = 0; i < rig.outputs.message_count; i++) {
-        const struct fovea_message *m = &rig.outputs.messages[i];
-        const size_t length = strlen(m->channel);
-        if (length < 5 || strcmp(m->channel + length - 5, "_POSE") != 0 ||
-            strstr(m->channel, "CAMERA") != NULL || strstr(m->channel, "BOT") != NULL)
-            continue;
-        fovea_pose_t_decode_cleanup(&body);
-        assert_true(fovea_pose_t_decode(m->data, 0, (int)m->bytes, &body) > 0);
-        return;
-    }
-    fail_msg("no pose message");
-}
-
 static bool next(bool samples)
 {
-    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     if (!sim_rig_next(&rig)) return false;
     if (map_units > 0) rig.inputs.grants.units[FOVEA_JOB_MAP] = map_units;
-    if (samples) {
-        rig.inputs.sample_count =
-            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
-        rig.inputs.samples = list;
-    }
+    if (samples) sim_rig_take_samples(&rig);
     const struct fovea_image seen[2] = {rig.frame.images[0], rig.frame.images[1]};
     for (int i = 0; dark != NULL && i < 2; i++) {
         rig.frame.images[i].data = dark;
@@ -100,20 +78,6 @@ static double changed_by(void)
     return sqrt(off);
 }
 
-/* Angle between the gravity that is said and that of the truth, degrees. */
-static double gravity_error(void)
-{
-    const double *T = rig.truth[rig.frames - 1], down[3] = {0, 0, -1};
-    double R[9], said[3], true_R[9], truth[3];
-    fv_so3_from_quaternion(body.orientation, R);
-    fv_rotate_back3(R, body.gravity, said); /* in the body, which is the camera here */
-    assert_true(fv_normalise3(said));
-    for (int i = 0; i < 9; i++)
-        true_R[i] = T[4 * (i / 3) + i % 3];
-    fv_rotate_back3(true_R, down, truth);
-    return acos(fv_dot3(said, truth)) * 180 / 3.14159265;
-}
-
 static void metres_and_gravity_come_in_one_change(void **state)
 {
     (void)state;
@@ -121,7 +85,7 @@ static void metres_and_gravity_come_in_one_change(void **state)
     open_rig("sim:orbit?" SHAPE "seed=2", 140, FOVEA_SENSORS_AUTO);
     while (next(true)) {
         before = body;
-        take_body();
+        sim_body_take(&rig, &body);
         if (body.scale_state == FOVEA_POSE_T_SCALE_METRIC && first == 0) {
             first = rig.frames;
             assert_int_equal(body.change_count, 1);
@@ -140,7 +104,8 @@ static void metres_and_gravity_come_in_one_change(void **state)
     }
     assert_true(first > 40 && first < 130);
     assert_int_equal(body.change_count, 1);
-    assert_true(gravity_error() < 0.5 && body.gravity_sigma < 0.02);
+    assert_true(sim_body_gravity_error(&rig, &body) < 0.5 * FV_PI / 180 &&
+                body.gravity_sigma < 0.02);
     const double way = sim_rig_moved(rig.pose[first].T_world_cam, rig.pose[139].T_world_cam) /
                        sim_rig_moved(rig.truth[first], rig.truth[139]);
     assert_true(fabs(way - 1) < 3 * body.scale_sigma + 0.01);
@@ -274,9 +239,9 @@ static void gravity_is_as_sure_as_it_says(void **state)
         double sum = 0;
         open_rig(uris[i], 300, FOVEA_SENSORS_AUTO);
         while (next(true)) {
-            take_body();
+            sim_body_take(&rig, &body);
             if (!(body.gravity_sigma > 0)) continue;
-            const double off = gravity_error() * 3.14159265 / 180 / body.gravity_sigma;
+            const double off = sim_body_gravity_error(&rig, &body) / body.gravity_sigma;
             known++;
             beyond += off * off > 11.8;
             sum += off * off / 2;
@@ -301,7 +266,7 @@ static void poses_go_on_without_pictures(void **state)
         dark = n >= FIRST && n < FIRST + DARK ? black : NULL;
         assert_true(next(true));
         before = body;
-        take_body();
+        sim_body_take(&rig, &body);
         const struct fovea_pose *pose = &rig.pose[n];
         if (n < FIRST || dark == NULL) {
             if (n >= FIRST && back == 0 && pose->state == FOVEA_TRACKING_OK) back = n;
@@ -361,7 +326,7 @@ static void no_metres_without_motion(void **state)
     for (int i = 0; i < 2; i++) {
         open_rig(uris[i], 80, FOVEA_SENSORS_MONO_INERTIAL);
         while (next(true)) {
-            take_body();
+            sim_body_take(&rig, &body);
             assert_int_equal(body.scale_state, FOVEA_POSE_T_SCALE_INITIALISING);
             assert_int_equal(body.change_count, 0);
         }
@@ -436,7 +401,7 @@ static void a_wrong_clock_is_found(void **state)
         double used_s = 0;
         bool doubted = false;
         while (next(true)) {
-            take_body();
+            sim_body_take(&rig, &body);
             fovea_imu_status_get(rig.rt, &imu);
             if (used_s == 0 && imu.time_offset_used_s != 0)
                 doubted = body.scale_state != FOVEA_POSE_T_SCALE_METRIC || body.scale_sigma > 0.4;
@@ -459,7 +424,7 @@ static void a_wrong_clock_is_found(void **state)
                            : fabs(imu.time_offset_used_s - offsets_s[i]) < 2.5e-3);
         assert_int_equal(body.scale_state, FOVEA_POSE_T_SCALE_METRIC);
         assert_true(body.scale_sigma < 0.045); /* what came of the wrong clock is replaced */
-        assert_true(gravity_error() < 1.5);
+        assert_true(sim_body_gravity_error(&rig, &body) < 1.5 * FV_PI / 180);
         assert_mount(&imu, none);
         sim_rig_close(&rig);
     }
@@ -503,7 +468,7 @@ static void who_stands_stays(void **state)
     int standing = 0;
     open_rig("sim:stand?" SHAPE "seed=4", 250, FOVEA_SENSORS_AUTO);
     while (rig.frames < 220 && next(true)) {
-        take_body();
+        sim_body_take(&rig, &body);
         if (!rig.rt->inertial.state->still.standing) continue;
         standing++;
         assert_true(gone() < 1e-9);
@@ -515,7 +480,7 @@ static void who_stands_stays(void **state)
     dark = calloc(1, 400 * 300);
     assert_non_null(dark);
     while (next(true)) {
-        take_body();
+        sim_body_take(&rig, &body);
         assert_int_equal(body.state, FOVEA_POSE_T_STATE_COASTING);
         for (int i = 0; i < 3; i++) /* by samples alone 10 mm off after 1.5 s */
             assert_true(body.position[i] == before.position[i] && fabs(body.velocity[i]) < 1e-12);

@@ -23,7 +23,6 @@ static struct sim_rig rig;
 
 static void run(const char *uri, bool stated)
 {
-    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     sim_rig_open(&rig, uri, 0, FRAMES);
     rig.config.rig = rig.ops->info(rig.source)->rig;
     for (uint32_t i = 0; i < rig.config.rig.camera_count; i++)
@@ -31,9 +30,7 @@ static void run(const char *uri, bool stated)
     rig.config.odometry.keyframes = 40;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        rig.inputs.sample_count =
-            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
-        rig.inputs.samples = list;
+        sim_rig_take_samples(&rig);
         sim_rig_process(&rig);
     }
     assert_int_equal(rig.frames, FRAMES);
@@ -112,7 +109,6 @@ static void a_bias_moves_nothing(void **state)
 static void slow_turns_wait_for_the_bias(void **state)
 {
     (void)state;
-    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     double rate[3];
     int unknown = 0;
     sim_rig_open(
@@ -122,9 +118,7 @@ static void slow_turns_wait_for_the_bias(void **state)
     rig.config.rig = rig.ops->info(rig.source)->rig;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        rig.inputs.sample_count =
-            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
-        rig.inputs.samples = list;
+        sim_rig_take_samples(&rig);
         sim_rig_process(&rig);
         const bool known = fv_inertial_stage_rate(&rig.rt->inertial, rig.frame.stamp_ns, rate);
         unknown += !known;

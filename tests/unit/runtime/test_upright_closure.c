@@ -12,9 +12,8 @@
 
 #include "app/run/trajectory.h"
 #include "base/elementary.h"
-#include "common/sim_rig.h"
+#include "common/sim_body.h"
 #include "fovea/fovea.h"
-#include "fovea_pose_t.h"
 #include "geometry/vec.h"
 #include "runtime/state.h"
 
@@ -23,18 +22,6 @@ enum { FRAMES = 780 }; /* 39 s: once round in 36 */
 static struct sim_rig rig;
 static int64_t stamps[FRAMES];
 static fovea_pose_t body;
-
-static void take_body(void)
-{
-    for (uint32_t i = 0; i < rig.outputs.message_count; i++) {
-        const struct fovea_message *m = &rig.outputs.messages[i];
-        if (strcmp(m->channel, "FOVEA_POSE") != 0) continue;
-        fovea_pose_t_decode_cleanup(&body);
-        assert_true(fovea_pose_t_decode(m->data, 0, (int)m->bytes, &body) > 0);
-        return;
-    }
-    fail_msg("no pose message");
-}
 
 static const double *truth_at(int64_t stamp_ns)
 {
@@ -83,7 +70,6 @@ static struct quality judge_map(void)
 /* Run until a closure has been made; the map's quality before it and after. */
 static void close_loop(const char *uri, enum fovea_sensors sensors, struct quality quality[2])
 {
-    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     bool judged = false;
     sim_rig_open(&rig, uri, 0, FRAMES);
     rig.config.rig = rig.ops->info(rig.source)->rig;
@@ -91,9 +77,7 @@ static void close_loop(const char *uri, enum fovea_sensors sensors, struct quali
     sim_rig_build(&rig);
     const struct fv_closure_state *closure = rig.rt->odometry.closure.state;
     while (closure->counts.closed == 0 && sim_rig_next(&rig)) {
-        rig.inputs.sample_count =
-            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
-        rig.inputs.samples = list;
+        sim_rig_take_samples(&rig);
         stamps[rig.frames] = rig.frame.stamp_ns;
         if (closure->phase >= FV_CLOSURE_GRAPH && !judged) {
             quality[0] = judge_map();
@@ -105,12 +89,10 @@ static void close_loop(const char *uri, enum fovea_sensors sensors, struct quali
     quality[1] = judge_map();
     /* The next frame's message says what the correction did to map and odom. */
     assert_true(sim_rig_next(&rig));
-    rig.inputs.samples = list;
-    rig.inputs.sample_count =
-        rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
+    sim_rig_take_samples(&rig);
     stamps[rig.frames] = rig.frame.stamp_ns;
     sim_rig_process(&rig);
-    take_body();
+    sim_body_take(&rig, &body);
 }
 
 static void a_closure_turns_the_map_about_gravity(void **state)

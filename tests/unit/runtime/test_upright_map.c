@@ -12,9 +12,8 @@
 #include <cmocka.h>
 
 #include "base/elementary.h"
-#include "common/sim_rig.h"
+#include "common/sim_body.h"
 #include "fovea/fovea.h"
-#include "fovea_pose_t.h"
 #include "geometry/se3.h"
 #include "geometry/vec.h"
 #include "map/archive.h"
@@ -33,43 +32,14 @@ static void open_rig(const char *uri, int start, int frames, enum fovea_sensors 
     rig.config.odometry.sensors = sensors;
 }
 
-static void take_body(void)
-{
-    for (uint32_t i = 0; i < rig.outputs.message_count; i++) {
-        const struct fovea_message *m = &rig.outputs.messages[i];
-        if (strcmp(m->channel, "FOVEA_POSE") != 0) continue;
-        fovea_pose_t_decode_cleanup(&body);
-        assert_true(fovea_pose_t_decode(m->data, 0, (int)m->bytes, &body) > 0);
-        return;
-    }
-    fail_msg("no pose message");
-}
-
 /* The next frame; false at the end. */
 static bool next(void)
 {
-    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     if (!sim_rig_next(&rig)) return false;
-    rig.inputs.sample_count =
-        rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
-    rig.inputs.samples = list;
+    sim_rig_take_samples(&rig);
     sim_rig_process(&rig);
-    take_body();
+    sim_body_take(&rig, &body);
     return true;
-}
-
-/* Angle between the gravity that is said and that of the truth, rad. */
-static double gravity_error(void)
-{
-    const double *T = rig.truth[rig.frames - 1], down[3] = {0, 0, -1};
-    double R[9], said[3], true_R[9], truth[3];
-    fv_so3_from_quaternion(body.orientation, R);
-    fv_rotate_back3(R, body.gravity, said); /* in the body, which is the camera here */
-    assert_true(fv_normalise3(said));
-    for (int i = 0; i < 9; i++)
-        true_R[i] = T[4 * (i / 3) + i % 3];
-    fv_rotate_back3(true_R, down, truth);
-    return acos(fv_dot3(said, truth));
 }
 
 static int save_maps(void **state)
@@ -105,8 +75,9 @@ static void check_upright(int changes)
     assert_true(body.gravity_sigma > 0.001 && body.gravity_sigma < 0.02);
     const double aside = hypot(body.gravity[0], body.gravity[1]) / 9.80665;
     assert_true(aside < 3 * body.gravity_sigma && body.gravity[2] < -9.8);
-    if (gravity_error() > 3.5 * body.gravity_sigma)
-        fail_msg("gravity %.2f degrees off at a sigma of %.2f", gravity_error() * 180 / FV_PI,
+    if (sim_body_gravity_error(&rig, &body) > 3.5 * body.gravity_sigma)
+        fail_msg("gravity %.2f degrees off at a sigma of %.2f",
+                 sim_body_gravity_error(&rig, &body) * 180 / FV_PI,
                  body.gravity_sigma * 180 / FV_PI);
 }
 

@@ -18,17 +18,9 @@
 #include "fovea_pose_t.h"
 
 static struct sim_rig rig;
-static struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
 static uint8_t *saved; /* the map of the first test */
 static size_t saved_bytes;
 static double saved_scale;
-
-static void take_samples(void)
-{
-    rig.inputs.samples = samples;
-    rig.inputs.sample_count =
-        rig.ops->samples(rig.source, &rig.frame, samples, FOVEA_INPUT_SAMPLES_MAX);
-}
 
 static void odometry_gives_metres(void **state)
 {
@@ -37,10 +29,10 @@ static void odometry_gives_metres(void **state)
     rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        take_samples();
+        sim_rig_take_samples(&rig);
         /* Every 2.5 s a wheel slips: 40 cm that nothing moved by. */
         for (uint32_t i = 0; i < rig.inputs.sample_count; i++)
-            samples[i].wheel_odometry.position_m[0] += 0.4 * (double)(rig.frames / 75);
+            rig.samples[i].wheel_odometry.position_m[0] += 0.4 * (double)(rig.frames / 75);
         sim_rig_process(&rig);
     }
     const struct fovea_pose *last = &rig.pose[rig.frames - 1];
@@ -65,9 +57,9 @@ static void a_wrong_stamp_does_not_end_odometry(void **state)
     rig.config.scale.source = FOVEA_SCALE_WHEEL_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        take_samples();
+        sim_rig_take_samples(&rig);
         assert_true(rig.inputs.sample_count > 0);
-        if (rig.frames == 2) samples[0].wheel_odometry.stamp_ns += INT64_C(86400000000000);
+        if (rig.frames == 2) rig.samples[0].wheel_odometry.stamp_ns += INT64_C(86400000000000);
         sim_rig_process(&rig);
     }
     double scale = sim_rig_scale(&rig, 100, rig.frames);
@@ -343,9 +335,9 @@ static void a_lever_arm_is_minded(void **state)
         fv_se3_compose(&start_inverse, &T, &T);
         fv_se3_compose(&B, &T, &T);
         fv_se3_compose(&T, &inverse, &T); /* T_odom_body by odometry */
-        struct fovea_wheel_odometry_sample *sample = &samples[0].wheel_odometry;
-        samples[0].kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
-        rig.inputs.samples = samples;
+        struct fovea_wheel_odometry_sample *sample = &rig.samples[0].wheel_odometry;
+        rig.samples[0].kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
+        rig.inputs.samples = rig.samples;
         rig.inputs.sample_count = 1;
         sample->stamp_ns = rig.frame.stamp_ns;
         memcpy(sample->position_m, T.t, sizeof T.t);

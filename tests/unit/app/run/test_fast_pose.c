@@ -19,7 +19,6 @@ enum { FRAMES = 80, POSED = 50, IMU_HZ = 200 };
 
 static struct sim_rig rig;
 static struct fv_fast_pose fast;
-static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
 
 /* ---- the thread of a sensor ------------------------------------------------------------------ */
 
@@ -83,10 +82,8 @@ static void open_rig(void)
 static uint64_t drive(bool thread)
 {
     while (sim_rig_next(&rig)) {
-        rig.inputs.samples = list;
-        rig.inputs.sample_count =
-            rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
-        if (thread) give(list, rig.inputs.sample_count, false);
+        sim_rig_take_samples(&rig);
+        if (thread) give(rig.samples, rig.inputs.sample_count, false);
         sim_rig_process(&rig);
     }
     return fovea_state_hash(rig.rt);
@@ -107,7 +104,7 @@ static uint64_t sent_at(uint32_t rate_hz, uint64_t alone)
     assert_int_equal(pthread_create(&thread, NULL, sense_all, &fast), 0);
     const uint64_t state = drive(true);
     fv_fast_pose_end(&fast);
-    give(list, rig.inputs.sample_count, true); /* nobody is there for them */
+    give(rig.samples, rig.inputs.sample_count, true); /* nobody is there for them */
     assert_int_equal(pthread_join(thread, NULL), 0);
     fv_transport_finish(transport);
     fv_transport_sent(transport, &sent);

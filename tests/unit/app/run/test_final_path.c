@@ -20,11 +20,8 @@ static struct sim_rig rig;
 /* With the samples of its inertial sensor; true as long as frames come. */
 static bool next(struct fv_final *final)
 {
-    static struct fovea_sample list[FOVEA_INPUT_SAMPLES_MAX];
     if (!sim_rig_next(&rig)) return false;
-    rig.inputs.sample_count =
-        rig.ops->samples(rig.source, &rig.frame, list, FOVEA_INPUT_SAMPLES_MAX);
-    rig.inputs.samples = list;
+    sim_rig_take_samples(&rig);
     sim_rig_process(&rig);
     const struct fovea_pose *pose = &rig.pose[rig.frames - 1];
     struct fv_trajectory_sample sample = {.stamp_ns = rig.frame.stamp_ns, .map = pose->map_id};
