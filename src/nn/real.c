@@ -72,10 +72,9 @@ static void find_rises(const struct fv_nn_real_channel *c, struct rises *r)
     for (int32_t to = first; to <= last && r->count < RESULTS_MAX; to++) {
         const int64_t rise = find_rise(c, to, each * to + (to > 0 ? up : down));
         const int64_t at = to > 0 ? rise : rise - 1, before = to > 0 ? rise - 1 : rise;
-        const bool is_same_side = to > 0 ? before >= 0 : before <= 0;
         r->to[r->count] = to > 0 ? to : 1 - to;
         r->at[r->count] = has_sum(c, at) ? round_sum(at) : INFINITY;
-        r->before[r->count++] = has_sum(c, before) && is_same_side ? round_sum(before) : -INFINITY;
+        r->before[r->count++] = has_sum(c, before) ? round_sum(before) : -INFINITY;
     }
 }
 

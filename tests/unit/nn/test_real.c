@@ -95,6 +95,31 @@ static void test_gives_the_same_bytes_of_large_sums(void **state)
     assert_true(proven >= 200);
 }
 
+/* Sums on one side of zero alone, as a bias makes them: of those nearest to zero nothing is asked
+ * that the other side would have asked. */
+static void test_takes_sums_of_one_sign(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 200; i++) {
+        struct fv_nn_real_channel c = draw_channel(between(-12, -4), 40000);
+        const double each = (double)(INT64_C(1) << (31 - c.shift)) / c.multiplier;
+        float found[2];
+        c.first = -128;
+        c.last = 127;
+        c.least = (int64_t)(0.48 * each); /* the first ones come to 0 */
+        c.most = c.least + between(0, 40000);
+        if (i % 2 != 0) {
+            const int64_t least = c.least;
+            c.least = -c.most;
+            c.most = -least;
+        }
+        assert_true(fv_nn_real_find(&c, found));
+        for (int64_t sum = c.least; sum <= c.most; sum++)
+            assert_int_equal(clamped(&c, by_real(&c, found, sum)),
+                             clamped(&c, fv_nn_requantize((int32_t)sum, c.multiplier, c.shift)));
+    }
+}
+
 /* A channel whose sums all come to one result, and one of zeros. */
 static void test_takes_channels_without_rises(void **state)
 {
@@ -214,6 +239,7 @@ int main(void)
     fv_random_seed(&draws, 1);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_gives_the_same_bytes),
                                        cmocka_unit_test(test_gives_the_same_bytes_of_large_sums),
+                                       cmocka_unit_test(test_takes_sums_of_one_sign),
                                        cmocka_unit_test(test_takes_channels_without_rises),
                                        cmocka_unit_test(test_refuses_what_it_does_not_know),
                                        cmocka_unit_test(test_layers_reach),
