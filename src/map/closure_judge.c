@@ -27,26 +27,6 @@ static void centre_of(const struct fv_keyframe *keyframe, double centre[3])
     fv_se3_apply_inverse(&keyframe->T_cam_world, origin, centre);
 }
 
-/* Keep of a correction what does not tilt the one map against the other, about the keyframe. */
-static void level_correction(const struct fv_map *map, uint32_t slot, uint32_t other,
-                             struct fv_sim3 *S)
-{
-    struct fv_map_gravity own, others;
-    double turned[3], T[9], R[9], centre[3], before[3], after[3];
-    if (!fv_map_upright(map, map->keyframes[slot].map_id, &own) ||
-        !fv_map_upright(map, map->keyframes[other].map_id, &others))
-        return;
-    centre_of(&map->keyframes[slot], centre);
-    fv_sim3_apply(S, centre, before);
-    fv_rotate3(S->R, own.down, turned);
-    fv_so3_between(turned, others.down, T);
-    fv_multiply33(T, S->R, R);
-    memcpy(S->R, R, sizeof R);
-    fv_sim3_apply(S, centre, after);
-    for (int i = 0; i < 3; i++)
-        S->t[i] += before[i] - after[i];
-}
-
 void fv_closure_correction(const struct fv_map *map, struct fv_closure_state *s)
 {
     struct fv_sim3 T, wanted; /* S_keyframe_newworld */
@@ -55,8 +35,6 @@ void fv_closure_correction(const struct fv_map *map, struct fv_closure_state *s)
     fv_sim3_from_se3(&map->keyframes[s->keyframe.slot].T_cam_world, 1, &T);
     fv_sim3_invert(&wanted, &wanted);
     fv_sim3_compose(&wanted, &T, &s->correction);
-    if (s->levelled)
-        level_correction(map, s->keyframe.slot, s->candidates[s->candidate].slot, &s->correction);
 }
 
 /* How far the keyframes came since the candidate was made, from parent to parent. */
