@@ -9,6 +9,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "geometry/pose.h"
 #include "geometry/sim3.h"
 #include "geometry/vec.h"
 
@@ -463,6 +464,76 @@ static void test_level_relation(void **context)
     }
 }
 
+/* What camera a makes of a relation: squared errors of its pixels and of how far its points are. */
+static double cost_in_a(const struct fv_correspondence *m, const struct fv_sim3 *S)
+{
+    double cost = 0;
+    for (int i = 0; i < CORRESPONDENCES; i++) {
+        double q[3], e[2] = {0, 0}, J[6];
+        fv_sim3_apply(S, m[i].point_b, q);
+        assert_true(fv_observation_error(m[i].bearing_a, m[i].A_a, q, e, J));
+        const double off = (fv_dot3(m[i].bearing_a, q) / fv_norm3(m[i].point_a) - 1) / m[i].sigma_a;
+        cost += m[i].weight_a * (e[0] * e[0] + e[1] * e[1]) + off * off;
+    }
+    return cost;
+}
+
+/* By how much of x the best relation along it is away. */
+static double away(const struct fv_correspondence *m, const struct fv_sim3 *S, const double x[7])
+{
+    double back[7];
+    struct fv_sim3 step, more, less;
+    for (int k = 0; k < 7; k++)
+        back[k] = -x[k];
+    fv_sim3_exp(x, &step);
+    fv_sim3_compose(&step, S, &more);
+    fv_sim3_exp(back, &step);
+    fv_sim3_compose(&step, S, &less);
+    const double up = cost_in_a(m, &more), down = cost_in_a(m, &less);
+    return (down - up) / 2 / (up + down - 2 * cost_in_a(m, S));
+}
+
+/* Of all relations that are level: where gravity contradicts the pictures, too. Small errors, so
+ * that none has less weight, in one camera, whose other knows its points. */
+static void test_level_relation_is_the_best(void **context)
+{
+    (void)context;
+    struct fv_random random;
+    fv_random_seed(&random, 31);
+    static struct fv_correspondence correspondences[CORRESPONDENCES];
+    for (int n = 0; n < 20; n++) {
+        const double tilts[3] = {1e-3, -1e-3, 5e-4};
+        struct fv_sim3 truth, found;
+        double b[3], a[3], is[3], tilt[9];
+        random_similarity(&random, &truth);
+        make_correspondences(&random, 0, 0.05, 0.0005, &truth, correspondences);
+        for (int i = 0; i < CORRESPONDENCES; i++) {
+            correspondences[i].inlier = true;
+            correspondences[i].weight_a = 0.01;
+            correspondences[i].weight_b = 0;
+            correspondences[i].sigma_a = 0.01;
+            correspondences[i].sigma_b = 1e-9;
+        }
+        for (int i = 0; i < 3; i++)
+            b[i] = fv_random_normal(&random);
+        (void)fv_normalise3(b);
+        fv_rotate3(truth.R, b, is);
+        fv_so3_exp(tilts, tilt);
+        fv_rotate3(tilt, is, a);
+        found = truth;
+        assert_true(fv_sim3_level(correspondences, CORRESPONDENCES, 20, false, a, b, &found));
+        for (int k = 0; k < 5; k++) { /* translation, turn about gravity, scale */
+            double x[7] = {0};
+            if (k < 3) x[k] = 1e-3;
+            for (int i = 0; i < 3 && k == 3; i++)
+                x[3 + i] = 1e-3 * a[i];
+            if (k == 4) x[6] = 1e-3;
+            const double by = away(correspondences, &found, x);
+            if (!(fabs(by) < 0.01)) fail_msg("%d: %g of %d", n, by, k);
+        }
+    }
+}
+
 /* Chance alone does not make a similarity. */
 static void test_search_without_truth(void **context)
 {
@@ -492,6 +563,7 @@ int main(void)
         cmocka_unit_test(test_alignment_exact),
         cmocka_unit_test(test_search_and_refinement),
         cmocka_unit_test(test_level_relation),
+        cmocka_unit_test(test_level_relation_is_the_best),
         cmocka_unit_test(test_rigid_refinement),
         cmocka_unit_test(test_errors_along_the_ray),
         cmocka_unit_test(test_certainty_of_turn),

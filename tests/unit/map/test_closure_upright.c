@@ -181,11 +181,11 @@ static void test_maps_in_metres_merge_upright(void **context)
     free(w.memory);
 }
 
-/* The same, but that gravity of the two differs by more than it may. */
+/* The same, but that gravity of the two differs by more than it may, or is the other way round. */
 static void test_a_tilted_place_is_another(void **context)
 {
     (void)context;
-    for (int tilted = 0; tilted < 2; tilted++) {
+    for (int tilted = 0; tilted < 3; tilted++) {
         make_metric_world(6);
         hold_metres();
         make_first_map(first);
@@ -193,8 +193,10 @@ static void test_a_tilted_place_is_another(void **context)
         begin_another(second);
         hold_metres();
         show_gravity(0.002);
-        w.map.state->gravity.down[0] += tilted ? 0.06 : 0.02;
+        w.map.state->gravity.down[0] += tilted == 1 ? 0.06 : tilted == 0 ? 0.02 : 0;
         (void)fv_normalise3(w.map.state->gravity.down);
+        for (int i = 0; i < 3 && tilted == 2; i++)
+            w.map.state->gravity.down[i] *= -1;
         assert_true(go_round() == !tilted);
         assert_true(w.closure.state->counts.confirmed > 0);
         assert_true((w.closure.state->counts.implausible > 0) == (tilted != 0));

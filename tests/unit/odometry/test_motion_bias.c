@@ -187,6 +187,31 @@ static void measured_turns_are_left_alone(void **state)
     }
 }
 
+/* A turn that pairs before asked for, which nobody had measured, is not tried on one that is. */
+static void a_measured_turn_is_not_tried_otherwise(void **state)
+{
+    (void)state;
+    const double off[3] = {0, 0.008, 0};
+    double turn[9];
+    for (uint32_t held = 0; held < 2; held++) {
+        struct fv_motion_bias_state s;
+        struct fv_se3 T, map;
+        fv_random_seed(&random_numbers, 9);
+        fv_motion_bias_forget(&s);
+        s.pairs = 1;
+        s.turn[1] = -0.016;
+        true_motion(&T);
+        make_pair(&T, EXACT);
+        map = T;
+        fv_so3_exp(off, turn);
+        fv_multiply33(turn, T.R, map.R);
+        assert_true(fv_motion_bias_begin(&s, &map, held != 0));
+        (void)fv_motion_bias_unit(&s, matches, MATCHES, FOCAL_PX);
+        assert_true((s.evidence > 1) == (held == 0));
+        assert_true(held == 0 || s.evidence < 1e-6);
+    }
+}
+
 /* One pair of exact matches, from a map's motion on. */
 static void exact_pair(const struct fv_se3 *map, struct fv_motion_bias_state *s)
 {
@@ -278,6 +303,7 @@ int main(void)
         cmocka_unit_test(errors_of_single_pairs_are_not),
         cmocka_unit_test(a_small_error_matters_not),
         cmocka_unit_test(measured_turns_are_left_alone),
+        cmocka_unit_test(a_measured_turn_is_not_tried_otherwise),
         cmocka_unit_test(a_fit_comes_to_the_truth),
         cmocka_unit_test(evidence_is_what_half_takes_of_the_cost),
         cmocka_unit_test(the_way_back_fits_nothing),
