@@ -1,8 +1,5 @@
 /* Closures: what a relation between two keyframes means for the map, whether that may be, and what
  * gravity says of it. */
-#include <string.h>
-
-#include "geometry/chi_square.h"
 #include "geometry/vec.h"
 #include "map/closure.h"
 

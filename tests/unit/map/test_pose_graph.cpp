@@ -146,6 +146,17 @@ static double solve_with_ceres(const fv_pose_graph *graph)
     return finish_with_ceres(&problem);
 }
 
+/* The n-th graph is solved, to what Ceres found, and less than `share` of what it cost. */
+static void comes_to(fv_pose_graph *graph, int n, double expected, double share)
+{
+    assert_true(fv_pose_graph_start(graph));
+    finish(graph);
+    assert_int_equal(graph->state->phase, FV_GRAPH_DONE);
+    assert_true(graph->state->cost < share * graph->state->cost_at_start);
+    if (!(fabs(graph->state->cost - expected) <= 1e-6 * expected))
+        fail_msg("graph %d: cost %.12g, Ceres %.12g", n, graph->state->cost, expected);
+}
+
 static void test_same_cost_as_ceres(void **)
 {
     fv_random random;
@@ -157,12 +168,7 @@ static void test_same_cost_as_ceres(void **)
         make_ring(&graph, &random, n < 4 ? 20 + 12 * n : 150, n % 2 ? 0.03 : 0.01, n < 2 ? 1 : 3,
                   &truth);
         double expected = solve_with_ceres(&graph);
-        assert_true(fv_pose_graph_start(&graph));
-        finish(&graph);
-        assert_int_equal(graph.state->phase, FV_GRAPH_DONE);
-        assert_true(graph.state->cost < 0.9 * graph.state->cost_at_start);
-        if (!(fabs(graph.state->cost - expected) <= 1e-6 * expected))
-            fail_msg("graph %d: cost %.12g, Ceres %.12g", n, graph.state->cost, expected);
+        comes_to(&graph, n, expected, 0.9);
         free(memory);
     }
 }
@@ -245,11 +251,7 @@ static void test_upright_as_ceres(void **)
         for (uint32_t k = 0; k < graph.state->node_count; k++)
             before.push_back(graph.nodes[k].S);
         const double expected = solve_upright_with_ceres(&graph);
-        assert_true(fv_pose_graph_start(&graph));
-        finish(&graph);
-        assert_true(graph.state->cost < 0.99 * graph.state->cost_at_start);
-        if (!(fabs(graph.state->cost - expected) <= 1e-6 * expected))
-            fail_msg("graph %d: cost %.12g, Ceres %.12g", n, graph.state->cost, expected);
+        comes_to(&graph, n, expected, 0.99);
         double most = 0, turned = 0;
         for (uint32_t k = 0; k < graph.state->node_count; k++) {
             double was[3], is[3], off[3];
