@@ -487,9 +487,10 @@ bool fv_sender_finish(struct fv_sender *sender)
     if (sender->joined) return true;
     if (sender->left_behind) return false;
     atomic_store_explicit(&sender->stop, true, memory_order_release);
-    struct timespec until =
-        fv_clock_timespec(fv_clock_ns(CLOCK_REALTIME) + (FV_SENDER_FINISH_MS + 500) * 1000000LL);
-    sender->joined = pthread_timedjoin_np(sender->thread, NULL, &until) == 0;
+    const int64_t until = fv_clock_ns(CLOCK_MONOTONIC) + (FV_SENDER_FINISH_MS + 500) * 1000000LL;
+    while (!(sender->joined = pthread_tryjoin_np(sender->thread, NULL) == 0) &&
+           fv_clock_ns(CLOCK_MONOTONIC) < until)
+        sleep_ns(1000000);
     sender->left_behind = !sender->joined;
     return sender->joined;
 }

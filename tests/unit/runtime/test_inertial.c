@@ -254,6 +254,23 @@ static void gravity_is_as_sure_as_it_says(void **state)
     }
 }
 
+/* In metres from the first pose on, `odom` is turned upright once, when gravity is known to 20 mrad
+ * or after 6 s. */
+static void odom_waits_for_gravity(void **state)
+{
+    (void)state;
+    int turned = 0;
+    open_rig("sim:wander?" SHAPE "seed=12&baseline=0.11", 150, FOVEA_SENSORS_AUTO);
+    while (next(true) && turned == 0) {
+        sim_body_take(&rig, &body);
+        if (body.change_count > 0) turned = rig.frames;
+    }
+    assert_true(turned > 10);
+    assert_true(body.gravity_sigma < 0.02 || turned > 6 * 20);
+    assert_true(sim_body_gravity_error(&rig, &body) < 3.5 * body.gravity_sigma);
+    sim_rig_close(&rig);
+}
+
 /* Black pictures: the pose goes on for 2 s, within its covariance, and comes back. */
 static void poses_go_on_without_pictures(void **state)
 {
@@ -516,6 +533,7 @@ int main(void)
         cmocka_unit_test(stations_err_by_what_they_say),
         cmocka_unit_test(estimates_end_on_a_slow_board),
         cmocka_unit_test(gravity_is_as_sure_as_it_says),
+        cmocka_unit_test(odom_waits_for_gravity),
         cmocka_unit_test(poses_go_on_without_pictures),
         cmocka_unit_test(a_stuck_picture_stops_no_velocity),
         cmocka_unit_test(no_metres_without_motion),
