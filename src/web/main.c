@@ -55,6 +55,36 @@ static void on_end(int signal)
     errno = kept;
 }
 
+static void describe(void)
+{
+    fv_options_describe(&(struct fv_options_page){
+        .help = "show a running robot as a page in a browser",
+        .description =
+            "Serves a page with the live picture and what is found in it, the pose, the path and "
+            "the map, times, and the log of a run of fovea on this host, and sends commands to it. "
+            "The run offers its feed by the key web.socket; it is not slowed by those who look. "
+            "'fovea run --web' starts this program beside the run.\n\n"
+            "The page can be reached from this host alone, unless --address says otherwise: then "
+            "--token is needed, and without --certificate all that the page shows is readable on "
+            "the network, since it is not encrypted.",
+        .program = "fovea-web"});
+}
+
+static void man_end(void)
+{
+    fv_man_section("EXAMPLES");
+    fv_man_example(
+        "fovea run --source v4l2:/dev/video0 --web\n"
+        "fovea-web --play run.lcm\n"
+        "fovea-web --lcm udpm://239.255.76.67:7667 --prefix LEFT_ROBOT --prefix RIGHT_ROBOT\n"
+        "fovea-web --feed /run/fovea/front.sock --address 0.0.0.0 --name robot.local "
+        "--token /var/lib/fovea/web.token --certificate /var/lib/fovea/web.crt "
+        "--certificate-key /var/lib/fovea/web.key --make-certificate");
+    fv_man_reference("fovea", NULL, true);
+    fv_man_reference("fovea", "run", false);
+    putchar('\n');
+}
+
 static enum fv_options_result options_read(struct web *web, int argc, char **argv)
 {
     const struct fv_option options[] = {
@@ -109,31 +139,9 @@ static enum fv_options_result options_read(struct web *web, int argc, char **arg
         {0},
     };
     int first;
-    fv_options_describe(&(struct fv_options_page){
-        .help = "show a running robot as a page in a browser",
-        .description =
-            "Serves a page with the live picture and what is found in it, the pose, the path and "
-            "the map, times, and the log of a run of fovea on this host, and sends commands to it. "
-            "The run offers its feed by the key web.socket; it is not slowed by those who look. "
-            "'fovea run --web' starts this program beside the run.\n\n"
-            "The page can be reached from this host alone, unless --address says otherwise: then "
-            "--token is needed, and without --certificate all that the page shows is readable on "
-            "the network, since it is not encrypted.",
-        .program = "fovea-web"});
+    describe();
     const enum fv_options_result result = fv_options_parse(options, "", 0, 0, argc, argv, &first);
-    if (result == FV_OPTIONS_HELP && fv_options_man_printed()) {
-        fv_man_section("EXAMPLES");
-        fv_man_example(
-            "fovea run --source v4l2:/dev/video0 --web\n"
-            "fovea-web --play run.lcm\n"
-            "fovea-web --lcm udpm://239.255.76.67:7667 --prefix LEFT_ROBOT --prefix RIGHT_ROBOT\n"
-            "fovea-web --feed /run/fovea/front.sock --address 0.0.0.0 --name robot.local "
-            "--token /var/lib/fovea/web.token --certificate /var/lib/fovea/web.crt "
-            "--certificate-key /var/lib/fovea/web.key --make-certificate");
-        fv_man_reference("fovea", NULL, true);
-        fv_man_reference("fovea", "run", false);
-        putchar('\n');
-    }
+    if (result == FV_OPTIONS_HELP && fv_options_man_printed()) man_end();
     return result;
 }
 

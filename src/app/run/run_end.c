@@ -343,12 +343,72 @@ static enum fv_exit log_end(const struct fv_run *run)
     return fv_transport_sync(run->transport) ? FV_EXIT_OK : FV_EXIT_FAILED;
 }
 
+/* What came of the outputs of a run. */
+struct ends {
+    struct fv_trajectory_summary path, truth, final;
+    enum fovea_status results, grid;
+    struct fovea_error results_error, grid_error;
+    enum fv_exit statistics, picture, recording;
+};
+
+static void finish(struct fv_run *run, enum fv_run_output output, struct ends *ends)
+{
+    const int call = fv_stall_enter(name_of(run, output));
+    if (output == FV_RUN_TRAJECTORY) fv_trajectory_finish(run->trajectory, &ends->path);
+    if (output == FV_RUN_TRUTH) fv_trajectory_finish(run->truth, &ends->truth);
+    if (output == FV_RUN_FINAL) fv_final_finish(run->final, run->loop.rt, &ends->final);
+    if (output == FV_RUN_GRID) ends->grid = grid_draw(run, &ends->grid_error);
+    written(run, output);
+    fv_stall_leave(call);
+}
+
+static void finish_results(struct fv_run *run, struct ends *ends)
+{
+    const int call = fv_stall_enter(
+        name_of(run, run->objects_path != NULL ? FV_RUN_OBJECTS : FV_RUN_DETECTIONS));
+    ends->results = fv_results_close(run->results, &ends->results_error);
+    run->results = NULL;
+    written(run, FV_RUN_DETECTIONS);
+    written(run, FV_RUN_OBJECTS);
+    fv_stall_leave(call);
+}
+
+static void report_draw(struct fv_run *run, const struct fv_report *report, struct ends *ends)
+{
+    int call = fv_stall_enter(name_of(run, FV_RUN_STATS));
+    ends->statistics = stats_write(run, report);
+    written(run, FV_RUN_STATS);
+    fv_stall_leave(call);
+    call = fv_stall_enter(name_of(run, FV_RUN_PICTURE));
+    ends->picture = picture_draw(run, report, &ends->path);
+    written(run, FV_RUN_PICTURE);
+    fv_stall_leave(call);
+}
+
+/* The first of what went wrong, with its line. */
+static enum fv_exit report_end(struct fv_run *run, const struct ends *ends)
+{
+    if (ends->path.failed != 0 || ends->path.lost > 0)
+        return path_failed(run->trajectory_path, &ends->path);
+    if (ends->truth.failed != 0 || ends->truth.lost > 0)
+        return path_failed(run->truth_path, &ends->truth);
+    if (ends->results != FOVEA_OK) return fv_say_failed("%s", ends->results_error.text);
+    if (ends->grid != FOVEA_OK) return fv_say_failed("%s", ends->grid_error.text);
+    if (ends->final.failed != 0 || ends->final.lost > 0)
+        return path_failed(run->final_path, &ends->final);
+    enum fv_exit end = ends->statistics;
+    if (end == FV_EXIT_OK) end = ends->picture;
+    if (end == FV_EXIT_OK) end = log_end(run);
+    return end != FV_EXIT_OK ? end : ends->recording;
+}
+
 enum fv_exit fv_run_report(struct fv_run *run)
 {
     struct fovea_memory_table table;
     struct fovea_error error;
-    struct fv_trajectory_summary path, final, truth;
     struct fv_transport_sent sent;
+    struct fv_recorder_summary recording;
+    struct ends ends = {0};
     fv_transport_finish(run->transport);
     fv_transport_sent(run->transport, &sent);
     struct fv_report report = {
@@ -367,54 +427,20 @@ enum fv_exit fv_run_report(struct fv_run *run)
     fovea_imu_status_get(run->loop.rt, &report.imu);
     if (fovea_memory(&run->settings.runtime, &table, &error) == FOVEA_OK)
         fv_report_parts(&table, report.part_bytes);
-    int call = fv_stall_enter(name_of(run, FV_RUN_TRAJECTORY));
-    fv_trajectory_finish(run->trajectory, &path);
-    written(run, FV_RUN_TRAJECTORY);
-    fv_stall_leave(call);
-    call = fv_stall_enter(name_of(run, FV_RUN_TRUTH));
-    fv_trajectory_finish(run->truth, &truth);
-    written(run, FV_RUN_TRUTH);
-    fv_stall_leave(call);
-    call = fv_stall_enter(name_of(run, FV_RUN_FINAL));
-    fv_final_finish(run->final, run->loop.rt, &final);
-    written(run, FV_RUN_FINAL);
-    fv_stall_leave(call);
-    call = fv_stall_enter(
-        name_of(run, run->objects_path != NULL ? FV_RUN_OBJECTS : FV_RUN_DETECTIONS));
-    enum fovea_status results = fv_results_close(run->results, &error);
-    run->results = NULL;
-    written(run, FV_RUN_DETECTIONS);
-    written(run, FV_RUN_OBJECTS);
-    fv_stall_leave(call);
-    call = fv_stall_enter(name_of(run, FV_RUN_GRID));
-    struct fovea_error grid_error;
-    const enum fovea_status grid = grid_draw(run, &grid_error);
-    written(run, FV_RUN_GRID);
-    fv_stall_leave(call);
+    finish(run, FV_RUN_TRAJECTORY, &ends);
+    finish(run, FV_RUN_TRUTH, &ends);
+    finish(run, FV_RUN_FINAL, &ends);
+    finish_results(run, &ends);
+    finish(run, FV_RUN_GRID, &ends);
     fv_setup_close_source(&run->setup); /* its memory is the picture's */
-    call = fv_stall_enter(name_of(run, FV_RUN_STATS));
-    enum fv_exit end = stats_write(run, &report);
-    written(run, FV_RUN_STATS);
-    fv_stall_leave(call);
-    call = fv_stall_enter(name_of(run, FV_RUN_PICTURE));
-    enum fv_exit picture = picture_draw(run, &report, &path);
-    written(run, FV_RUN_PICTURE);
-    fv_stall_leave(call);
-    struct fv_recorder_summary recording;
+    report_draw(run, &report, &ends);
     const bool recorded = run->recorder != NULL;
-    const enum fv_exit recorded_end = recording_close(run, &recording);
+    ends.recording = recording_close(run, &recording);
     if (!run->quiet) { /* when all files are written: the terminal may be stopped */
-        summary_print(run, &report, &path, &final);
+        summary_print(run, &report, &ends.path, &ends.final);
         if (recorded) recording_print(&recording);
     }
-    if (path.failed != 0 || path.lost > 0) return path_failed(run->trajectory_path, &path);
-    if (truth.failed != 0 || truth.lost > 0) return path_failed(run->truth_path, &truth);
-    if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
-    if (grid != FOVEA_OK) return fv_say_failed("%s", grid_error.text);
-    if (final.failed != 0 || final.lost > 0) return path_failed(run->final_path, &final);
-    if (end == FV_EXIT_OK) end = picture;
-    if (end == FV_EXIT_OK) end = log_end(run);
-    return end != FV_EXIT_OK ? end : recorded_end;
+    return report_end(run, &ends);
 }
 
 enum fv_exit fv_run_end_recording(struct fv_run *run)
