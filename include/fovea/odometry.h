@@ -124,8 +124,9 @@ struct fovea_pose {
      * after the camera was lost or a map was given up, or the camera is found again in an older map
      */
     uint32_t reset_counter;
-    /* of the map that began this world; 0: the first; that of an older map when the camera is found
-     * again in one. A map that it was merged into shows in T_map_world alone */
+    /* of the map that began this world, or goes on in it where reset_counter stays; 0: the first;
+     * that of an older map when the camera is found again in one. A map that it was merged into
+     * shows in T_map_world alone */
     uint32_t map_id;
     uint32_t keyframes, landmarks;        /* in all maps */
     enum fovea_scale_source scale_source; /* FOVEA_SCALE_FREE until a scale is known */

@@ -165,6 +165,17 @@ void fv_map_begin_another(struct fv_map *map)
     begin_odom(map->state, map->state->map_id);
 }
 
+void fv_map_continue_in_another(struct fv_map *map, const struct fv_sim3 *S_map_world,
+                                double turn_variance)
+{
+    const struct fv_map_gravity gravity = map->state->gravity;
+    fv_map_begin_another(map);
+    map->state->S_map_world = *S_map_world;
+    if (!(gravity.sigma > 0)) return;
+    map->state->gravity = gravity;
+    map->state->gravity.sigma = __builtin_sqrt(gravity.sigma * gravity.sigma + turn_variance);
+}
+
 void fv_map_enter(struct fv_map *map, uint32_t map_id)
 {
     struct fv_map_state *s = map->state;

@@ -423,6 +423,10 @@ uint32_t fv_map_most_redundant(struct fv_map *map);
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b);
 /* Begin another map in the same pools; its world is new, S_map_world is the identity. */
 void fv_map_begin_another(struct fv_map *map);
+/* The same in the world of the map before, where S_map_world tells how the new map lies. What was
+ * known of gravity stays known, with the variance of the turn that led there. */
+void fv_map_continue_in_another(struct fv_map *map, const struct fv_sim3 *S_map_world,
+                                double turn_variance);
 /* Another map is the current one from now on, with the `odom` frame that it was left with, if that
  * is still known. */
 void fv_map_enter(struct fv_map *map, uint32_t map_id);

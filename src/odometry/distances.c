@@ -96,7 +96,30 @@ static void remember(struct fv_odometry *o, uint32_t keyframe)
     }
 }
 
-bool fv_odometry_begin_metric(struct fv_odometry *o)
+/* Another map; where the hint has carried the pose over from a map in metres, in its world. */
+static bool begin_another(struct fv_odometry *o)
+{
+    const struct fv_odometry_state *s = o->state;
+    const struct fv_motion_hint *hint = &s->localise.hint;
+    struct fv_se3 T_cam_map, T_map_cam;
+    struct fv_sim3 S_world_map, S_map_cam, S;
+    if (!hint->continues || !fv_map_metric(&o->map) || s->agreement.dropping ||
+        s->agreement.suspect) {
+        fv_map_begin_another(&o->map);
+        return false;
+    }
+    fv_se3_compose(&hint->T_now_last, &o->map.keyframes[fv_map_current(&o->map)].T_cam_world,
+                   &T_cam_map);
+    fv_se3_invert(&T_cam_map, &T_map_cam);
+    fv_sim3_from_se3(&T_map_cam, 1, &S_map_cam);
+    fv_sim3_invert(&o->map.state->S_map_world, &S_world_map);
+    fv_sim3_compose(&S_world_map, &S_map_cam, &S);
+    fv_sim3_invert(&S, &S);
+    fv_map_continue_in_another(&o->map, &S, hint->turn_variance);
+    return true;
+}
+
+bool fv_odometry_begin_metric(struct fv_odometry *o, bool *continues)
 {
     struct fv_odometry_state *s = o->state;
     const uint32_t current = fv_map_current(&o->map);
@@ -105,7 +128,7 @@ bool fv_odometry_begin_metric(struct fv_odometry *o)
     if (distances == NULL || count_known(distances, frame->features) < FV_INITIALISE_POINTS_MIN)
         return false;
     fv_window_abort(&o->window);
-    if (o->map.state->keyframe_count > 0) fv_map_begin_another(&o->map);
+    *continues = o->map.state->keyframe_count > 0 && begin_another(o);
     fv_map_make_room(&o->map, frame->features, s->frame_number);
     o->map.state->scale = (struct fv_map_scale){
         FOVEA_SCALE_STEREO, 0, 0, FV_DISTANCES_SCALE_SIGMA * FV_DISTANCES_SCALE_SIGMA};

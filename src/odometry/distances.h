@@ -41,8 +41,9 @@ void fv_distances_carve(struct fv_distances *distances, bool wanted, uint32_t fe
 /* Take the input's distances for the features of the current frame. */
 void fv_odometry_take_distances(struct fv_odometry *odometry,
                                 const struct fv_odometry_input *input);
-/* Begin a metric map with the current frame; false when too few distances are known. */
-bool fv_odometry_begin_metric(struct fv_odometry *odometry);
+/* Begin a metric map with the current frame; false when too few distances are known. *continues:
+ * its world is that of the map before, since the inertial sensor has carried the pose over. */
+bool fv_odometry_begin_metric(struct fv_odometry *odometry, bool *continues);
 /* The frame was matched with the map at this pose: forget its distances where they contradict it.
  * Whether there are any that count. */
 bool fv_odometry_judge_distances(struct fv_odometry *odometry, const struct fv_se3 *T_cam_world);

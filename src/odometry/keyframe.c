@@ -15,7 +15,8 @@ static const double kept_fraction_urgent = 0.5; /* at which it may not wait */
 static const double parallax_wanted_rad =
     0.12; /* travelled over median depth: a new keyframe adds depth */
 static const double parallax_least_rad =
-    0.01; /* less is standing still or turning: no keyframe is of use */
+    0.01; /* less is standing still or turning: no keyframe is of use, */
+static const double turn_least_rad = 0.1; /* but for a turn where distances are measured */
 
 static const double still_move_rad = 0.002; /* above the noise of a standing camera's pose */
 
@@ -38,12 +39,22 @@ double fv_odometry_current_depth(const struct fv_odometry *o)
     return __builtin_sqrt(low * high);
 }
 
-static double distance_to(const struct fv_map *map, uint32_t keyframe)
+/* T_keyframe_cam of the current frame. */
+static struct fv_se3 motion_since(const struct fv_map *map, uint32_t keyframe)
 {
     struct fv_se3 T_world_cam, T;
     fv_se3_invert(&map->keyframes[fv_map_current(map)].T_cam_world, &T_world_cam);
     fv_se3_compose(&map->keyframes[keyframe].T_cam_world, &T_world_cam, &T);
-    return fv_norm3(T.t);
+    return T;
+}
+
+/* Measured distances make landmarks of what a turn brings into view; without parallax two views do
+ * not. */
+static bool turned(const struct fv_map *map, const struct fv_se3 *T)
+{
+    double turn[3];
+    fv_so3_log(T->R, turn);
+    return fv_map_metric(map) && fv_norm3(turn) > turn_least_rad;
 }
 
 /* Count the frames for which the camera has stayed within `still_move_rad` of one position, seen
@@ -71,10 +82,11 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
     uint64_t apart = s->frame_number - s->keyframe_frame;
     double fraction = (double)inliers / (s->keyframe_matches > 0 ? s->keyframe_matches : 1);
     double depth = fv_odometry_current_depth(o);
-    double parallax = distance_to(&o->map, s->newest) / depth;
+    const struct fv_se3 T = motion_since(&o->map, s->newest);
+    double parallax = fv_norm3(T.t) / depth;
     note_stillness(o, depth);
-    if (s->still.frames >= STILL_FRAMES) return false;
-    if (s->creation.pending_count == FV_CREATION_PENDING_MAX || parallax < parallax_least_rad)
+    if (s->creation.pending_count == FV_CREATION_PENDING_MAX) return false;
+    if ((s->still.frames >= STILL_FRAMES || parallax < parallax_least_rad) && !turned(&o->map, &T))
         return false;
     if (fraction < kept_fraction_urgent || inliers < MATCHES_LOW / 2) return true;
     if (apart < FRAMES_APART_MIN) return false;

@@ -28,6 +28,10 @@ struct fv_motion {
 struct fv_motion_hint {
     bool turn;                /* T_now_last.R is known, */
     bool whole;               /* and its translation, in the map's unit */
+    /* Whatever `whole` is: the translation is known well enough for poses to go on in the same
+     * world where another map begins. With the variance of the turn about an axis, rad^2. */
+    bool continues;
+    double turn_variance;
     struct fv_se3 T_now_last; /* the camera */
     /* The turn is a measurement (turn.h), not a guess for searching alone; with the rate at this
      * frame, rad/s in the camera's axes. */

@@ -279,10 +279,11 @@ static void write_pose(struct fv_odometry *o)
 /* A metric map from this frame, or one from several. A picture that is old in part is none of them:
  * between it and a whole one a part of the world stands, and the rest has moved. Nor is a noisy
  * one. */
-static bool begin_map(struct fv_odometry *o, const struct fv_kernels *kernels)
+static bool begin_map(struct fv_odometry *o, const struct fv_kernels *kernels, bool *continues)
 {
+    *continues = false;
     if (o->state->usable.patched || o->state->usable.noisy) return false;
-    return fv_odometry_begin_metric(o) || fv_odometry_initialise(o, kernels);
+    return fv_odometry_begin_metric(o, continues) || fv_odometry_initialise(o, kernels);
 }
 
 /* Lost for long: try to make another map beside those that are kept. A map too small to be met
@@ -291,12 +292,13 @@ static void start_another(struct fv_odometry *o, const struct fv_kernels *kernel
 {
     struct fv_odometry_state *s = o->state;
     const uint32_t map_id = o->map.state->map_id;
-    if (!begin_map(o, kernels)) return;
+    bool continues;
+    if (!begin_map(o, kernels, &continues)) return;
     if (o->map.state->map_id != map_id &&
         fv_map_count_keyframes(&o->map, map_id) < MAP_KEYFRAMES_MIN)
         fv_map_drop(&o->map, map_id);
     s->lost_frames = 0;
-    s->reset_counter++;
+    s->reset_counter += !continues;
     fv_odometry_confirm(o);
     s->state = confidence(o, s->pose.inliers);
     write_pose(o);
@@ -346,6 +348,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
                       const struct fv_odometry_input *input)
 {
     struct fv_odometry_state *s = o->state;
+    bool continues;
     memset(&s->pose, 0, sizeof s->pose);
     memset(s->parts, 0, sizeof s->parts);
     fv_covariance_begin(&s->covariance);
@@ -357,7 +360,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     if (contradicted(o)) fv_odometry_give_up(o);
     if (s->state != FOVEA_TRACKING_STARTING) {
         localise_step(o, kernels);
-    } else if (begin_map(o, kernels)) {
+    } else if (begin_map(o, kernels, &continues)) {
         fv_odometry_confirm(o);
         s->state = confidence(o, s->pose.inliers);
         write_pose(o);

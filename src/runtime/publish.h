@@ -10,8 +10,8 @@
  *
  * The published position moves by `scale` times what odometry's moves, so that a better estimate of
  * the scale bends the path but does not tear it. Only when the scale or gravity becomes known
- * `odom` changes; struct fv_publish_change says how. Better estimates of gravity leave it. State
- * holds no addresses. Real-time safe: no heap, all bounded. */
+ * `odom` changes; struct fv_publish_change says how. Better estimates of gravity leave it. Another
+ * map goes on in the same `odom` where odometry has counted no reset. State holds no addresses. Real-time safe: no heap, all bounded. */
 #ifndef FOVEA_RUNTIME_PUBLISH_H
 #define FOVEA_RUNTIME_PUBLISH_H
 
@@ -32,7 +32,7 @@ struct fv_publish_state {
     uint32_t metric;       /* inner and outer are in metres */
     uint32_t is_upright;   /* by `upright`, as gravity has it */
     uint32_t sent;         /* a pose of this map went out */
-    uint32_t changes;      /* of odom, since this map began */
+    uint32_t changes;      /* of odom, since it began */
     struct fv_sim3 change; /* the last */
     double upright[9];
 };
@@ -51,7 +51,7 @@ struct fv_rates {
 
 /* The last change of the unit and axes: takes points of `odom` as it was to `odom` as it is. */
 struct fv_publish_change {
-    uint32_t count; /* since the map began; 0: none, and S_new_old is the identity */
+    uint32_t count; /* since odom began; 0: none, and S_new_old is the identity */
     struct fv_sim3 S_new_old;
 };
 

@@ -27,6 +27,7 @@ static const double gyro_bias_least = 1e-4;
 static const double shaken_fraction = 0.4;
 static const double gyro_bias_most = 0.2; /* twice that of cheap sensors, rad/s */
 static const int64_t coasting_max_ns = 2000000000, rate_age_max_ns = 20000000;
+static const int64_t continuing_max_ns = 2500000000; /* time for another map behind coasting */
 /* Of what came of samples by a wrong clock: scale (relative), gravity (rad), biases. */
 static const double doubted_sigma = 0.5, doubted_gravity_sigma = 0.2;
 static const double doubted_bias_sigma[2] = {0.1, 0.3};
@@ -129,6 +130,22 @@ static void enter(struct fv_inertial_stage *stage, const struct fv_odometry *odo
     s->reset_counter = fv_odometry_reset_counter(odometry);
     s->metric = fv_map_metric(fv_odometry_map(odometry));
     (void)fv_odometry_gravity(odometry, &s->brought);
+    restart(stage);
+    fv_imu_clock_restart(&stage->clock->found);
+    fv_imu_clock_restart(&stage->clock->mounted);
+}
+
+/* Another map whose world is that of the map before: what is claimed holds, and stations begin
+ * anew, since how the maps lie to each other is known by the samples alone. */
+static void go_on_in(struct fv_inertial_stage *stage, const struct fv_odometry *odometry)
+{
+    struct fv_inertial_stage_state *s = stage->state;
+    s->map = fv_odometry_pose(odometry)->map_id;
+    (void)fv_odometry_gravity(odometry, &s->brought);
+    s->station_ns = 0;
+    s->cuts = 0;
+    s->agreeing = 0;
+    s->anew = true;
     restart(stage);
     fv_imu_clock_restart(&stage->clock->found);
     fv_imu_clock_restart(&stage->clock->mounted);
@@ -311,6 +328,13 @@ static bool turns_known(const struct fv_inertial_stage *stage)
            stage->estimator.state->bias_sigma[0] < gyro_bias_sigma_max;
 }
 
+static double turn_variance(const struct fv_inertial_stage *stage,
+                            const struct fv_preintegration *sum)
+{
+    const double bias = stage->state->known.bias_covariance[0];
+    return sum->covariance[0] + bias * sum->time_s * sum->time_s;
+}
+
 void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_odometry *odometry,
                                int64_t stamp_ns, struct fv_motion_hint *hint)
 {
@@ -326,11 +350,15 @@ void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_
     camera_motion(stage, &sum, s->known.gravity, &hint->T_now_last, velocity);
     if (!fv_odometry_withholds(odometry)) measure_turn(stage, &sum, hint);
     const double map_scale = fv_odometry_map(odometry)->state->S_map_world.s;
+    const int64_t since_ns = fv_stamp_since(stamp_ns, s->live.pose_ns);
+    const bool known = s->known.claimed && s->live.moving;
     hint->turn = true;
-    hint->whole = s->known.claimed && s->live.moving &&
-                  fv_stamp_since(stamp_ns, s->live.pose_ns) <= coasting_max_ns;
+    hint->whole = known && since_ns <= coasting_max_ns;
+    hint->continues =
+        known && !s->doubted && since_ns <= continuing_max_ns && !fv_odometry_withholds(odometry);
+    hint->turn_variance = turn_variance(stage, &sum);
     for (int i = 0; i < 3; i++)
-        hint->T_now_last.t[i] *= hint->whole ? map_scale / s->known.scale : 0;
+        hint->T_now_last.t[i] *= hint->whole || hint->continues ? map_scale / s->known.scale : 0;
     fv_se3_invert(&hint->T_now_last, &hint->T_now_last);
 }
 
@@ -449,9 +477,10 @@ void fv_inertial_stage_step(struct fv_inertial_stage *stage, const struct fv_odo
         coast(stage, odometry, stamp_ns);
         return;
     }
-    if (!s->begun || s->map != pose->map_id ||
-        s->reset_counter != fv_odometry_reset_counter(odometry))
+    if (!same_world(s, odometry))
         enter(stage, odometry);
+    else if (s->map != pose->map_id)
+        go_on_in(stage, odometry);
     follow_pose(stage, odometry, stamp_ns);
     if (fv_inertial_stage_compare_clocks(stage, odometry, stamp_ns)) {
         doubt(stage);

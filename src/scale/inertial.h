@@ -15,6 +15,9 @@
  * from there, the published velocity is this one, and while the pictures show nothing, the pose
  * goes on by the samples for up to 2 s.
  *
+ * Where another map begins behind that, in metres by two cameras, it does so in the same world, and
+ * what is known goes on; only stations begin anew.
+ *
  * Where pictures and samples show that the camera stands (inertial/still.h), its velocity is 0,
  * and while the pictures show nothing, it stays where it is as long as the samples are quiet.
  *

@@ -1,5 +1,6 @@
 /* Odometry with two cameras of the simulation: metres from the first frame on, the second camera
  * covered, gone or late, the same bits from every kernel set, and what is refused. */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,6 +13,8 @@
 
 #include "common/sim_rig.h"
 #include "fovea/fovea.h"
+#include "geometry/se3.h"
+#include "geometry/vec.h"
 #include "runtime/state.h"
 
 static struct sim_rig rig;
@@ -185,6 +188,36 @@ static void a_keyframe_with_noise_counts_as_what_it_is(void **state)
     assert_true(count >= 2 * BEHIND && sum / count < 1.3);
 }
 
+/* A turn has no parallax, and needs none: what it brings into view has measured distances. */
+static void a_turn_on_the_spot_keeps_place_and_attitude(void **state)
+{
+    (void)state;
+    open_rig("sim:rotate?width=400&height=300&rate=20&seed=3&baseline=0.11", 150,
+             FOVEA_SENSORS_AUTO);
+    double most_m = 0, most_rad = 0, farthest = 0;
+    while (sim_rig_next(&rig)) {
+        sim_rig_process(&rig);
+        struct fv_se3 truth, first, pose;
+        double R[9], turn[3];
+        expect_metric(rig.frames - 1);
+        fv_se3_from_rows(rig.truth[rig.frames - 1], &truth);
+        fv_se3_from_rows(rig.truth[0], &first);
+        fv_se3_from_rows(rig.pose[rig.frames - 1].T_world_cam, &pose);
+        fv_se3_invert(&first, &first);
+        fv_se3_compose(&first, &truth, &truth); /* T_world_cam */
+        fv_so3_log(truth.R, turn);
+        farthest = fmax(farthest, fv_norm3(turn));
+        fv_multiply33_transposed(pose.R, truth.R, R);
+        fv_so3_log(R, turn);
+        most_rad = fmax(most_rad, fv_norm3(turn));
+        most_m = fmax(most_m, error_m(rig.frames - 1));
+    }
+    printf("turned by %.2f rad: at most %.4f rad and %.4f m off\n", farthest, most_rad, most_m);
+    assert_true(farthest > 1.5); /* nothing of the first view is left */
+    assert_true(most_rad < 0.0087 && most_m < 0.05);
+    sim_rig_close(&rig);
+}
+
 /* Round a ring of corridors, back to its start: the closure leaves the map in metres. */
 static void a_closure_keeps_the_metres(void **state)
 {
@@ -298,6 +331,7 @@ int main(void)
         cmocka_unit_test(a_second_camera_that_hangs_does_not_bend_the_path),
         cmocka_unit_test(a_map_begun_with_one_camera_gets_its_metres_from_two),
         cmocka_unit_test(a_keyframe_with_noise_counts_as_what_it_is),
+        cmocka_unit_test(a_turn_on_the_spot_keeps_place_and_attitude),
         cmocka_unit_test(a_closure_keeps_the_metres),
         cmocka_unit_test(one_camera_of_a_rig_is_odometry_with_that_camera),
         cmocka_unit_test(every_kernel_set_gives_the_same_state),
