@@ -306,6 +306,17 @@ bool fv_map_landmark_at(const struct fv_map *map, uint32_t slot, uint32_t *map_i
     return true;
 }
 
+struct fv_se3 fv_map_camera_at(const struct fv_map *map, uint32_t slot)
+{
+    const struct fv_keyframe *keyframe = &map->keyframes[slot];
+    struct fv_se3 T;
+    double back[3];
+    fv_se3_invert(&keyframe->T_cam_world, &T);
+    fv_rotate3(T.R, keyframe->seen_from, back);
+    fv_subtract3(T.t, back, T.t);
+    return T;
+}
+
 bool fv_map_keyframe_at(const struct fv_map *map, uint32_t slot, struct fv_map_keyframe *keyframe)
 {
     const struct fv_keyframe *kept = &map->keyframes[slot];
@@ -314,6 +325,6 @@ bool fv_map_keyframe_at(const struct fv_map *map, uint32_t slot, struct fv_map_k
     keyframe->parent = kept->parent;
     keyframe->number = kept->number;
     keyframe->stamp_ns = kept->stamp_ns;
-    fv_se3_invert(&kept->T_cam_world, &keyframe->T_world_cam);
+    keyframe->T_world_cam = fv_map_camera_at(map, slot);
     return true;
 }

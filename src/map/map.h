@@ -90,6 +90,10 @@ struct fv_keyframe {
     bool held;           /* an edge of a closure ends here */
     float unit_variance; /* of the logarithm of its unit of length over the map's; 0 in a new
                             keyframe and in a map from a file (odometry/covariance.h) */
+    /* Where its features were seen from, in the axes of the camera whose pose is published, and
+     * metres: not 0 where another camera of a rig stood in, in a map in metres. Of that place is
+     * T_cam_world; 0 in a map from a file. */
+    double seen_from[3];
 };
 
 struct fv_observer {
@@ -449,6 +453,8 @@ struct fv_map_keyframe {
 };
 /* The keyframe in a slot below limits.keyframes. False: none, and `keyframe` is untouched. */
 bool fv_map_keyframe_at(const struct fv_map *map, uint32_t slot, struct fv_map_keyframe *keyframe);
+/* T_world_cam of the camera whose pose is published, at a keyframe or the current frame. */
+struct fv_se3 fv_map_camera_at(const struct fv_map *map, uint32_t slot);
 struct fv_map_slots {
     uint32_t keyframes, landmarks;
 };

@@ -26,8 +26,8 @@ struct fv_motion {
 
 /* What an inertial sensor says of the motion since the last posed frame. */
 struct fv_motion_hint {
-    bool turn;                /* T_now_last.R is known, */
-    bool whole;               /* and its translation, in the map's unit */
+    bool turn;  /* T_now_last.R is known, */
+    bool whole; /* and its translation, in the map's unit */
     /* Whatever `whole` is: the translation is known well enough for poses to go on in the same
      * world where another map begins. With the variance of the turn about an axis, rad^2. */
     bool continues;

@@ -163,10 +163,31 @@ void fv_odometry_take_map(struct fv_odometry *o, const struct fv_map *from, uint
     write_map(o);
 }
 
+/* The frame's features are seen from there: so is its pose, which is that of the last frame yet. */
+static void see_from(struct fv_keyframe *frame, const double place[3])
+{
+    for (int i = 0; i < 3; i++) {
+        frame->T_cam_world.t[i] += frame->seen_from[i] - place[i];
+        frame->seen_from[i] = place[i];
+    }
+}
+
+/* The motion of the place that the features are seen from. */
+static struct fv_motion_hint hint_there(const struct fv_odometry_input *input)
+{
+    struct fv_motion_hint hint = input->hint;
+    double turned[3];
+    fv_rotate3(hint.T_now_last.R, input->seen_from, turned);
+    for (int i = 0; i < 3 && (hint.whole || hint.continues); i++)
+        hint.T_now_last.t[i] += turned[i] - input->seen_from[i];
+    return hint;
+}
+
 /* Fill the current frame of the map from the image's features. */
 static void odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
 {
     const uint32_t current = fv_map_current(&o->map);
+    see_from(&o->map.keyframes[current], input->seen_from);
     fv_map_fill_frame(&o->map, current, input->placed != NULL ? input->placed : input->features,
                       input->descriptors, input->count, o->distances.from);
     o->map.keyframes[current].stamp_ns = input->stamp_ns;
@@ -211,8 +232,7 @@ static void published_pose(const struct fv_odometry *o, const struct fv_sim3 *S_
                            uint32_t frame, struct fv_se3 *T_odom_cam)
 {
     struct fv_sim3 S_odom_cam;
-    struct fv_se3 T_map_cam;
-    fv_se3_invert(&o->map.keyframes[frame].T_cam_world, &T_map_cam);
+    const struct fv_se3 T_map_cam = fv_map_camera_at(&o->map, frame);
     fv_sim3_from_se3(&T_map_cam, 1, &S_odom_cam);
     fv_sim3_compose(S_odom_map, &S_odom_cam, &S_odom_cam);
     memcpy(T_odom_cam->R, S_odom_cam.R, sizeof T_odom_cam->R);
@@ -260,6 +280,18 @@ static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_m
             s->pose.covariance[k] += e[row] * e[column];
 }
 
+/* From the place that the features were seen from to the camera. */
+static void carry_covariance(const struct fv_keyframe *frame, double covariance[21])
+{
+    struct fv_se3 T_cam_place;
+    double carried[21];
+    if (fv_norm3(frame->seen_from) == 0) return;
+    fv_se3_identity(&T_cam_place);
+    fv_copy3(frame->seen_from, T_cam_place.t);
+    fv_se3_carry_covariance(&T_cam_place, covariance, carried);
+    memcpy(covariance, carried, sizeof carried);
+}
+
 static void write_pose(struct fv_odometry *o)
 {
     struct fovea_pose *pose = &o->state->pose;
@@ -272,6 +304,7 @@ static void write_pose(struct fv_odometry *o)
     write_rows(S_map_world->R, S_map_world->t, pose->T_map_world);
     pose->map_scale = S_map_world->s;
     fv_covariance_rescale(pose->covariance, S_odom_map.s); /* lengths are the map's so far */
+    carry_covariance(&o->map.keyframes[fv_map_current(&o->map)], pose->covariance);
     add_correction(o, &S_odom_map, &T_odom_cam);
     pose->posed = true;
 }
@@ -283,6 +316,7 @@ static bool begin_map(struct fv_odometry *o, const struct fv_kernels *kernels, b
 {
     *continues = false;
     if (o->state->usable.patched || o->state->usable.noisy) return false;
+    if (fv_norm3(o->map.keyframes[fv_map_current(&o->map)].seen_from) > 0) return false;
     return fv_odometry_begin_metric(o, continues) || fv_odometry_initialise(o, kernels);
 }
 
@@ -353,7 +387,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     memset(s->parts, 0, sizeof s->parts);
     fv_covariance_begin(&s->covariance);
     s->frame_number++;
-    s->localise.hint = input->hint;
+    s->localise.hint = hint_there(input);
     odometry_fill_view(o, input);
     fv_usable_picture(&s->usable, input->count, input->features, input->descriptors);
     fv_usable_noise(&s->usable, input->noise);

@@ -119,6 +119,9 @@ struct fv_odometry_input {
     /* measured, by feature, metres; NULL: none. Only where they were carved for */
     const struct fv_inverse_distance *distances;
     struct fv_motion_hint hint; /* all zero: none */
+    /* Where another camera stood in, as one of this camera's lens and attitude: its place in the
+     * camera's axes, metres. Only in a map in metres; such a frame begins none. */
+    double seen_from[3];
 };
 
 /* Take memory from the three parts; `distances`: inputs may have them; `gyro`: hints may be

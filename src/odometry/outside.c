@@ -20,7 +20,7 @@ uint32_t fv_odometry_reset_counter(const struct fv_odometry *o)
 
 void fv_odometry_map_pose(const struct fv_odometry *o, struct fv_se3 *T_map_cam)
 {
-    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, T_map_cam);
+    *T_map_cam = fv_map_camera_at(&o->map, fv_map_current(&o->map));
 }
 
 /* By way of the world of the map, which corrections move against that of the pose. */
@@ -29,9 +29,10 @@ struct fv_odometry_reference fv_odometry_reference(const struct fv_odometry *o)
     const struct fv_keyframe *keyframe = &o->map.keyframes[o->state->newest];
     struct fv_odometry_reference reference = {
         .slot = o->state->newest, .number = keyframe->number, .stamp_ns = keyframe->stamp_ns};
-    struct fv_se3 T_map_cam;
+    struct fv_se3 T_map_cam, T_keyframe_map = fv_map_camera_at(&o->map, o->state->newest);
     fv_odometry_map_pose(o, &T_map_cam);
-    fv_se3_compose(&keyframe->T_cam_world, &T_map_cam, &reference.T_keyframe_cam);
+    fv_se3_invert(&T_keyframe_map, &T_keyframe_map);
+    fv_se3_compose(&T_keyframe_map, &T_map_cam, &reference.T_keyframe_cam);
     return reference;
 }
 

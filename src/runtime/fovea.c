@@ -10,6 +10,11 @@
 #include "runtime/ready_map.h"
 #include "runtime/state.h"
 
+enum {
+    STAND_IN_BELOW = 40, /* features of the first camera: next to nothing */
+    STAND_IN_LEAST = 80  /* of the second */
+};
+
 /* ---- stage clock ----------------------------------------------------------------------------- */
 
 /* Clock readings around a stage; nothing where the configuration has no clock. */
@@ -87,6 +92,13 @@ static bool fits(const struct fovea *rt, uint32_t camera, const struct fovea_ima
            image->format != FOVEA_PIXEL_MJPEG;
 }
 
+/* The first of several cameras gave no image. */
+static bool is_absent(const struct fovea *rt, const struct fovea_frame *frame)
+{
+    return frame->images[0].data == NULL && frame->image_count > 1 &&
+           rt->config.rig.camera_count > 1;
+}
+
 /* Whether there is a frame to process; counts what is refused. */
 static bool admit(struct fovea *rt, const struct fovea_frame *frame)
 {
@@ -98,7 +110,7 @@ static bool admit(struct fovea *rt, const struct fovea_frame *frame)
     state->frames_in++;
     if (state->paused) {
         state->refused_paused++;
-    } else if (!fits(rt, 0, &frame->images[0])) {
+    } else if (!fits(rt, 0, &frame->images[0]) && !is_absent(rt, frame)) {
         state->refused_format++;
     } else if (state->any_frame && frame->stamp_ns <= state->frame.stamp_ns) {
         state->refused_stamp++;
@@ -164,19 +176,42 @@ static struct fv_stereo_view view_of(const struct fv_front_end *front_end)
         .descriptors = found.descriptors};
 }
 
-/* Distances of the features found, by the second camera. False: it gave no image that serves. */
-static bool measure_distances(struct fovea *rt, const struct fovea_inputs *inputs)
+/* Features of the second camera. False: it gave no image that serves. */
+static bool find_second(struct fovea *rt, const struct fovea_inputs *inputs)
 {
-    rt->distances = 0;
-    if (inputs->frame->image_count < 2 || !fits(rt, 1, &inputs->frame->images[1])) return false;
+    if (!rt->stereo_used || inputs->frame->image_count < 2 ||
+        !fits(rt, 1, &inputs->frame->images[1]))
+        return false;
     fv_front_end_take(&rt->second_front_end, &rt->kernels, &inputs->frame->images[1]);
     (void)fv_front_end_find(&rt->second_front_end, &rt->kernels,
                             rt->masks[1].pixels != NULL ? &rt->masks[1] : NULL,
                             inputs->grants.features);
+    return true;
+}
+
+/* The first camera shows next to nothing, as when it is covered, and the second does, in a map in
+ * metres: the features are those of the second. */
+static bool stand_in(struct fovea *rt, struct fv_odometry_input *input)
+{
+    const struct fv_stereo_view second = view_of(&rt->second_front_end);
+    if (rt->state->features >= STAND_IN_BELOW || second.count < STAND_IN_LEAST ||
+        !fv_map_metric(fv_odometry_map(&rt->odometry)))
+        return false;
+    input->count = fv_stereo_stand_in(&rt->stereo, &second);
+    input->features = rt->stereo.moved;
+    input->descriptors = rt->stereo.moved_descriptors;
+    input->noise = fv_front_end_noise(&rt->second_front_end);
+    fv_stereo_centre(&rt->stereo, input->seen_from);
+    return true;
+}
+
+/* Distances of the features found, by the second camera. */
+static void measure_distances(struct fovea *rt, struct fv_odometry_input *input)
+{
     const struct fv_stereo_view views[FV_STEREO_CAMERAS] = {view_of(&rt->front_end),
                                                             view_of(&rt->second_front_end)};
     rt->distances = fv_stereo_measure(&rt->stereo, &rt->kernels, views);
-    return true;
+    input->distances = rt->stereo.measured;
 }
 
 /* Features of a rolling shutter, where a global one would have seen them. */
@@ -189,8 +224,12 @@ static void place(struct fovea *rt, struct fv_odometry_input *input)
     input->placed = rt->placed;
 }
 
-static void process(struct fovea *rt, const struct fovea_inputs *inputs)
+/* Features of the first camera; none where it gave no image. */
+static struct fv_odometry_input find_first(struct fovea *rt, const struct fovea_inputs *inputs)
 {
+    struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns};
+    rt->state->features = 0;
+    if (inputs->frame->images[0].data == NULL) return input;
     struct instant begin = stage_begin(rt);
     fv_front_end_take(&rt->front_end, &rt->kernels, &inputs->frame->images[0]);
     stage_end(rt, FOVEA_STAGE_PYRAMID, begin);
@@ -201,21 +240,29 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     rt->state->features =
         fv_front_end_find(&rt->front_end, &rt->kernels, mask, inputs->grants.features);
     stage_end(rt, FOVEA_STAGE_FEATURES, begin);
+    const struct fv_front_end_found found = fv_front_end_found(&rt->front_end);
+    input.count = found.count;
+    input.features = found.features;
+    input.descriptors = found.descriptors;
+    input.noise = fv_front_end_noise(&rt->front_end);
+    return input;
+}
 
+static void process(struct fovea *rt, const struct fovea_inputs *inputs)
+{
+    struct fv_odometry_input input = find_first(rt, inputs);
+    bool stands_in = false;
     if (!rt->config.odometry.enabled) return;
-    begin = stage_begin(rt);
-    const bool measured = rt->stereo_used && measure_distances(rt, inputs);
+    struct instant begin = stage_begin(rt);
+    rt->distances = 0;
+    if (find_second(rt, inputs)) {
+        stands_in = stand_in(rt, &input);
+        if (!stands_in && input.count > 0) measure_distances(rt, &input);
+    }
     stage_end(rt, FOVEA_STAGE_STEREO, begin);
     begin = stage_begin(rt);
-    const struct fv_front_end_found found = fv_front_end_found(&rt->front_end);
-    struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns,
-                                      .count = found.count,
-                                      .features = found.features,
-                                      .descriptors = found.descriptors,
-                                      .noise = fv_front_end_noise(&rt->front_end),
-                                      .distances = measured ? rt->stereo.measured : NULL};
     fv_inertial_stage_predict(&rt->inertial, &rt->odometry, input.stamp_ns, &input.hint);
-    place(rt, &input);
+    if (!stands_in) place(rt, &input);
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
     publish_pose(rt);
     stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
@@ -256,7 +303,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     if (processed) {
         remember(rt->state, inputs->frame, inputs->utc_offset_ns);
         process(rt, inputs);
-        fv_jobs_frame(rt, inputs->frame);
+        if (inputs->frame->images[0].data != NULL) fv_jobs_frame(rt, inputs->frame);
     }
     const struct instant begin = stage_begin(rt);
     fv_encode(rt, inputs, processed, interrupted, outputs);

@@ -11,7 +11,8 @@
  * The published position moves by `scale` times what odometry's moves, so that a better estimate of
  * the scale bends the path but does not tear it. Only when the scale or gravity becomes known
  * `odom` changes; struct fv_publish_change says how. Better estimates of gravity leave it. Another
- * map goes on in the same `odom` where odometry has counted no reset. State holds no addresses. Real-time safe: no heap, all bounded. */
+ * map goes on in the same `odom` where odometry has counted no reset. State holds no addresses.
+ * Real-time safe: no heap, all bounded. */
 #ifndef FOVEA_RUNTIME_PUBLISH_H
 #define FOVEA_RUNTIME_PUBLISH_H
 

@@ -66,6 +66,8 @@ void fv_stereo_carve(struct fv_stereo *s, const struct fovea_camera *camera0,
     s->distance = fv_arena_take_raw(frame, features_max, sizeof *s->distance);
     s->owner = fv_arena_take_raw(frame, features_max, sizeof *s->owner);
     s->measured = fv_arena_take_raw(frame, features_max, sizeof *s->measured);
+    s->moved = fv_arena_take_raw(frame, features_max, sizeof *s->moved);
+    s->moved_descriptors = fv_arena_take_raw(frame, features_max, 32);
 }
 
 void fv_stereo_init(struct fv_stereo *s)

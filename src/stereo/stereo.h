@@ -73,6 +73,8 @@ struct fv_stereo {
     uint16_t *order;                    /* frame part: features of the second camera, bin by bin */
     uint16_t *match, *distance, *owner; /* frame part: of the first, of the first, of the second */
     struct fv_inverse_distance *measured; /* frame part: of each feature of the first camera */
+    struct fovea_feature *moved; /* frame part: those of the second (fv_stereo_stand_in), */
+    uint8_t *moved_descriptors;  /* 32 bytes each */
 };
 
 /* Whether two cameras can measure distances: calibrated, at known places, far enough apart. */
@@ -93,6 +95,13 @@ void fv_stereo_init(struct fv_stereo *stereo);
  * of 64 pixels. */
 uint32_t fv_stereo_measure(struct fv_stereo *stereo, const struct fv_kernels *kernels,
                            const struct fv_stereo_view view[FV_STEREO_CAMERAS]);
+
+/* Where the first camera shows nothing: the second's features as a camera with the lens and the
+ * attitude of the first would see them from the second's place, in stereo->moved with their
+ * descriptors. Returns how many; what that camera would not show is left out. Real-time safe. */
+uint32_t fv_stereo_stand_in(struct fv_stereo *stereo, const struct fv_stereo_view *second);
+/* The second camera's place in the first one's axes, metres. */
+void fv_stereo_centre(const struct fv_stereo *stereo, double centre[3]);
 
 /* ---- between the files of the room ----------------------------------------------------------- */
 

@@ -89,6 +89,51 @@ static void the_map_stays_in_metres_while_the_second_camera_is_gone(void **state
     free(black);
 }
 
+/* Motion of the camera since a frame, as published and as it was: how far these are apart. */
+static double keyframe_error_m(int frame, int keyframe)
+{
+    struct fv_se3 T, truth, back;
+    double between[3];
+    fv_se3_from_rows(rig.pose[frame].T_keyframe_cam, &T);
+    fv_se3_from_rows(rig.truth[frame], &truth);
+    fv_se3_from_rows(rig.truth[keyframe], &back);
+    fv_se3_invert(&back, &back);
+    fv_se3_compose(&back, &truth, &truth);
+    fv_subtract3(T.t, truth.t, between);
+    return fv_norm3(between);
+}
+
+/* Black pictures of the first camera, then none: poses stay those of the first camera, also beside
+ * keyframes that the second has seen, which stands 0.25 m aside and looks elsewhere. */
+static void the_second_camera_stands_in_for_the_first(void **state)
+{
+    (void)state;
+    uint8_t *black = calloc(400, 300);
+    static int64_t stamps[110];
+    int by_second = 0;
+    open_rig("sim:orbit?width=400&height=300&seed=2&camera2=0.25,0.02,-0.03,5,-8,12", 110,
+             FOVEA_SENSORS_AUTO);
+    for (int n = 0; sim_rig_next(&rig); n++) {
+        const struct fovea_image seen = rig.frame.images[0];
+        stamps[n] = rig.frame.stamp_ns;
+        if (n >= 20 && n < 40) rig.frame.images[0].data = black;
+        if (n >= 40 && n < 90) rig.frame.images[0] = (struct fovea_image){0};
+        sim_rig_process(&rig);
+        rig.frame.images[0] = seen;
+        expect_metric(n);
+        assert_true(error_m(n) < 0.03);
+        int keyframe = n;
+        while (keyframe > 0 && stamps[keyframe] != rig.pose[n].keyframe_stamp_ns)
+            keyframe--;
+        by_second += keyframe >= 20 && keyframe < 90 && keyframe != n;
+        assert_true(keyframe_error_m(n, keyframe) < 0.01);
+    }
+    assert_int_equal(rig.frames, 110);
+    assert_true(by_second > 20);
+    sim_rig_close(&rig);
+    free(black);
+}
+
 /* The second camera hangs on one picture: its distances contradict the map, and are left out. */
 static void a_second_camera_that_hangs_does_not_bend_the_path(void **state)
 {
@@ -328,6 +373,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_map_begins_in_metres_with_the_first_frame),
         cmocka_unit_test(the_map_stays_in_metres_while_the_second_camera_is_gone),
+        cmocka_unit_test(the_second_camera_stands_in_for_the_first),
         cmocka_unit_test(a_second_camera_that_hangs_does_not_bend_the_path),
         cmocka_unit_test(a_map_begun_with_one_camera_gets_its_metres_from_two),
         cmocka_unit_test(a_keyframe_with_noise_counts_as_what_it_is),
