@@ -170,6 +170,13 @@ void fv_so3_from_quaternion(const double q[4], double R[9])
     R[8] = 1 - 2 * (x * x + y * y);
 }
 
+void fv_se3_add_along(const double way[3], double variance, double covariance[21])
+{
+    for (int row = 0, k = 0; row < 3; k += 6 - row, row++)
+        for (int column = row; column < 3; column++)
+            covariance[k + column - row] += variance * way[row] * way[column];
+}
+
 void fv_se3_carry_covariance(const struct fv_se3 *T_a_b, const double b[21], double a[21])
 {
     double A[36] = {0}, C[36], AC[36] = {0};

@@ -56,6 +56,9 @@ void fv_se3_part(const struct fv_se3 *whole, double fraction, struct fv_se3 *par
  * be `b`. */
 void fv_se3_carry_covariance(const struct fv_se3 *T_a_b, const double b[21], double a[21]);
 
+/* Add to a covariance as above an error of the place along `way`: `variance`, of a share of it. */
+void fv_se3_add_along(const double way[3], double variance, double covariance[21]);
+
 /* Nearest rotation of a matrix that is nearly one (two steps of Newton's iteration for the polar
  * factor). */
 void fv_so3_orthonormalise(double R[9]);

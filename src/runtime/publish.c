@@ -59,10 +59,7 @@ static void add_scale_uncertainty(struct fovea_pose *pose, double metres, double
     double way[3];
     fv_se3_from_rows(pose->T_keyframe_cam, &T);
     fv_rotate_back3(T.R, T.t, way);
-    for (int row = 0, k = 0; row < 3; k += 6 - row, row++)
-        for (int column = row; column < 3; column++)
-            pose->covariance[k + column - row] +=
-                metres * metres * sigma * sigma * way[row] * way[column];
+    fv_se3_add_along(way, metres * metres * sigma * sigma, pose->covariance);
 }
 
 /* T_map_world in metres, where the path has bent as well: what takes the published pose to the

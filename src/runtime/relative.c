@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "geometry/vec.h"
+
 enum { RING = FOVEA_RELATIVE_FRAMES_MAX + 1 };
 
 void fv_relative_carve(struct fv_relative *relative, struct fv_arena *persistent)
@@ -15,6 +17,19 @@ static bool relates(const struct fv_relative_state *s, const struct fovea_pose *
 {
     return s->stretch > 0 && s->map_id == pose->map_id && s->reset_counter == pose->reset_counter &&
            s->changes == changes && s->metric == (pose->scale_source != FOVEA_SCALE_FREE);
+}
+
+/* Take the scale's share out of a covariance, which publish.c has added for the way since the
+ * keyframe: it is the same error in all links, and counted once. */
+static void take_scale_out(const struct fovea_pose *pose, double covariance[21])
+{
+    struct fv_se3 T;
+    double way[3];
+    if (pose->scale_source == FOVEA_SCALE_FREE || pose->state == FOVEA_TRACKING_COASTING) return;
+    fv_se3_from_rows(pose->T_keyframe_cam, &T);
+    fv_rotate_back3(T.R, T.t, way);
+    fv_se3_add_along(way, -pose->scale * pose->scale * pose->scale_sigma * pose->scale_sigma,
+                     covariance);
 }
 
 void fv_relative_note(const struct fv_relative *relative, const struct fovea_pose *pose,
@@ -39,6 +54,8 @@ void fv_relative_note(const struct fv_relative *relative, const struct fovea_pos
     frame->is_keyframe = pose->keyframe_stamp_ns == stamp_ns;
     fv_se3_from_rows(pose->T_world_cam, &frame->T_world_cam);
     memcpy(frame->covariance, pose->covariance, sizeof frame->covariance);
+    take_scale_out(pose, frame->covariance);
+    frame->scale_sigma = pose->scale_sigma;
 }
 
 /* Add the covariance of a frame, carried to the later one. */
@@ -62,6 +79,7 @@ bool fv_relative_get(const struct fv_relative *relative, uint32_t frames,
     const uint64_t last = s->frames - 1, first = last - frames;
     const struct fv_relative_frame *now = &s->ring[last % RING], *before = &s->ring[first % RING];
     struct fv_se3 T_before_world, T_now_world, T;
+    double way[3];
     if (now->stretch == 0 || now->stretch != before->stretch) return false;
     out->stamp_ns = now->stamp_ns;
     out->before_stamp_ns = before->stamp_ns;
@@ -77,5 +95,7 @@ bool fv_relative_get(const struct fv_relative *relative, uint32_t frames,
         if (frame->stretch == now->stretch && (frame->is_keyframe != 0) == (i != first))
             add_link(&T_now_world, frame, out->covariance);
     }
+    fv_rotate_back3(T.R, T.t, way);
+    fv_se3_add_along(way, now->scale_sigma * now->scale_sigma, out->covariance);
     return true;
 }

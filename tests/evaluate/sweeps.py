@@ -91,6 +91,12 @@ class Sweeps(unittest.TestCase):
         self.assertIn("sweep: 4 runs, 0 of them there", third.stderr)
         self.assertEqual(contents(self.folder), before)
 
+    def test_what_is_asked_for_twice_is_made_once(self):
+        twice = sweep(self.folder, "--starts", "0-2,1-3", workers="1")
+        self.assertEqual(twice.returncode, 0, twice.stderr)
+        self.assertIn("sweep: 8 runs, 0 of them there", twice.stderr)
+        self.assertEqual(len(store.known(self.folder)), 8)
+
     def test_results_of_another_binary_are_never_taken(self):
         sweep(self.folder)
         other = os.path.join(self.place.name, "other")

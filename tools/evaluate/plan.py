@@ -120,8 +120,8 @@ def starts_of(text, frames, step):
 
 
 def specs(binaries, sources, starts="0", steps="1", directions=(False,), frames="0", crops=((0, 0, 0, 0),), sets=({},)):
-    """All runs, those of all versions of a run beside each other."""
-    found = []
+    """All runs, those of all versions of a run beside each other; what is asked for twice, once."""
+    found = {}
     for source in (absolute(each) for text in sources for each in braces(text)):
         data = data_hash(source)
         count, size = probe(binaries[0], source) if starts == "all" or any(map(any, crops)) else (None, None)
@@ -134,7 +134,7 @@ def specs(binaries, sources, starts="0", steps="1", directions=(False,), frames=
                         "source": source, "data_hash": data, "start": start, "step": step, "frames": limit, "reverse": reverse,
                         "crop": list(sides), "size": list(size) if size else None, "set": values}
                 spec["run"] = key_of(spec)
-                found.append(spec)
+                found.setdefault(spec["run"], spec)
     if not found:
         print("sweep: no start leaves enough frames", file=sys.stderr)
-    return found
+    return list(found.values())

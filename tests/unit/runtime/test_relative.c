@@ -68,6 +68,30 @@ static void links_add_up(void **unused)
     assert_false(fv_relative_get(&relative, 4, &motion));
 }
 
+/* In metres an error of the scale is the same in all links: of the whole way, not of each part. */
+static void the_scale_errs_once(void **unused)
+{
+    enum { FRAMES = 7 };
+    struct fovea_relative_pose motion;
+    (void)unused;
+    for (int frame = 0; frame < FRAMES; frame++) { /* each second one is a keyframe */
+        const int keyframe = frame - frame % 2, before = frame % 2 == 0 && frame > 0 ? 2 : 0;
+        struct fovea_pose pose = pose_at(frame, 0.1, keyframe);
+        const int way = frame % 2 + before;
+        for (int k = 0; k < 3; k++)
+            pose.T_keyframe_cam[5 * k] = 1;
+        pose.T_keyframe_cam[3] = 0.5 * way; /* the map's unit is 2 m */
+        pose.scale_source = FOVEA_SCALE_INERTIAL;
+        pose.scale = 2;
+        pose.scale_sigma = 0.05;
+        pose.covariance[0] += 0.05 * 0.05 * way * way;
+        note(frame, pose, 0);
+    }
+    assert_true(fv_relative_get(&relative, FRAMES - 1, &motion));
+    near(motion.T_before_now[3], 6);
+    near(motion.covariance[0], 3 * 0.01 + 0.05 * 0.05 * 36);
+}
+
 static void only_poses_that_relate(void **unused)
 {
     struct fovea_relative_pose motion;
@@ -105,6 +129,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup(links_add_up, begin),
+        cmocka_unit_test_setup(the_scale_errs_once, begin),
         cmocka_unit_test_setup(only_poses_that_relate, begin),
         cmocka_unit_test_setup(a_ring_of_frames, begin),
     };
