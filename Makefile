@@ -489,6 +489,13 @@ $(BUILD)/generated/fovea_types.h: $(LCMTYPES) Makefile
 $(BUILD)/generated/fovea_type_texts.h: tools/lcm_text.awk $(LCMTYPES)
 	@mkdir -p $(@D)
 	$(Q)awk -f $< $(LCMTYPES) >$@
+# What recordings name beside the version: a hash of all sources, so that builds of two commits differ in it where results may.
+HASHED := $(sort $(shell find src include drivers -type f -name '*.[ch]' -o -name '*.cpp' -o -name '*.def' -o -name '*.lcm'))
+$(BUILD)/generated/source_hash.h: always
+	@mkdir -p $(@D)
+	@hash=$$(cat $(HASHED) | sha256sum | cut -c 1-12); echo "#define FV_SOURCE_HASH \"$$hash\"" >$@.new
+	@if cmp -s $@.new $@; then rm $@.new; else mv $@.new $@; fi
+$(BUILD)/obj/src/app/record/recording_header.o: $(BUILD)/generated/source_hash.h
 $(GEN_O): %.o: %.c | $(LCMGEN)
 	@echo "  $(notdir $(CC)) $<"
 	$(Q)$(CC) $(filter-out $(WARN),$(CFLAGS)) -fno-strict-aliasing $(if $(filter asan,$(SAN)),-fno-sanitize=undefined) \

@@ -41,6 +41,7 @@ if [ -z "$good" ]; then
         [ -n "$good" ] || fail "found no commit before the recording began, expected GOOD as third argument"
     else
         version=$(version_of_log) || version=
+        version=${version%%+*} # without the hash of its sources
         for tag in "v$version" "$version"; do
             [ -n "$version" ] && [ -z "$good" ] && good=$(git rev-parse --verify --quiet "refs/tags/$tag^{commit}") || true
         done

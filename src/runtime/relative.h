@@ -6,7 +6,8 @@
  * keyframe before. These are links of a chain. The covariance of a motion is the sum of those of
  * the later frame against its keyframe, of the keyframes made in between, and of the earlier frame
  * against its own, each carried to the later frame by the adjoint, as if they were independent; in
- * metres besides that of the scale, whose error is the same all the way. Held against the truth by tools/evaluate (nees6_apart).
+ * metres besides that of the scale, whose error is the same all the way. Held against the truth by
+ * tools/evaluate (nees6_apart).
  *
  * The last FOVEA_RELATIVE_FRAMES_MAX frames are held in a ring. State holds no addresses. Noting a
  * frame is real-time safe; asking is bounded by the frames held. */

@@ -17,6 +17,7 @@
 #include "message/recorded.h"
 
 #include "fovea_recording_t.h"
+#include "source_hash.h"
 #include "fovea_rig_t.h"
 
 #if defined(__clang__)
@@ -35,6 +36,11 @@
 #endif
 
 enum { PARTS_MAX = 10 + FOVEA_CAMERAS_MAX };
+
+const char *fv_recording_version(void)
+{
+    return FOVEA_VERSION "+" FV_SOURCE_HASH;
+}
 
 static const char *const mask_parts[FOVEA_CAMERAS_MAX] = {"mask", "mask2", "mask3", "mask4"};
 
@@ -142,7 +148,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     fovea_recording_part_t parts[PARTS_MAX];
     fovea_recording_t message = {
         .format = FOVEA_RECORDING_T_FORMAT,
-        .version = (char *)FOVEA_VERSION,
+        .version = (char *)fv_recording_version(),
         .machine = (char *)(PROCESSOR ", " COMPILER),
         .kernel_set = (char *)kernel_set,
         .source = source,

@@ -19,6 +19,10 @@ struct fv_recording_middle {
     const struct fovea_config *in_force; /* its live parameters */
 };
 
+/* The version that recordings name: that of the interface, with a hash of the sources behind a `+`,
+ * since results differ from commit to commit. */
+const char *fv_recording_version(void);
+
 /* Encode the header of a run whose settings are complete (rig fitted, masks loaded), as at its
  * start. `identity` may be NULL; `middle` NULL: the recording began with the run. `*data` is the
  * caller's to free. Not for the loop. */

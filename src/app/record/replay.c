@@ -103,9 +103,9 @@ static enum fovea_status read_header(struct replay *replay, struct fovea_error *
              replay->header.kernel_set);
     fv_say_clean(replay->result->recorded_by);
     replay->result->identity = replay->header.identity;
-    if (strcmp(replay->header.version, FOVEA_VERSION) != 0)
+    if (strcmp(replay->header.version, fv_recording_version()) != 0)
         fv_say("%s: recorded by %s; this is version %s, whose results may differ", replay->path,
-               replay->result->recorded_by, FOVEA_VERSION);
+               replay->result->recorded_by, fv_recording_version());
     return FOVEA_OK;
 }
 
