@@ -6,6 +6,7 @@
 #include "geometry/normal_equations.h"
 #include "geometry/vec.h"
 #include "odometry/covariance_lens.h"
+#include "odometry/covariance_unit.h"
 #include "odometry/odometry.h"
 #include "geometry/chi_square.h"
 
@@ -20,19 +21,19 @@ enum {
 };
 
 static const double scale_sigma =
-    0.015; /* of the window's unit of length against that of the whole path */
+    0.005; /* of the window's unit of length against that of the whole path */
 static const double nearly = 1e-6,
                     nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
-static const double own_fraction = 0.55; /* of the variance that inliers show: their own errors are
-                                         in it, and counted again by the parts */
+static const double parts_fraction = 0.4, parts_chance = 4, parts_sure = 8;
+/* of what the parts show, where their variance is up to parts_chance times that of the errors, as
+ * in good pictures; all of it from parts_sure times on */
 static const double together_max =
     3; /* parts' variance over that of the errors: more, and something moves, or the map is bent */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double much_larger = 2; /* less is chance */
+static const double much_larger = 4; /* less is chance */
 static const double bend_max = 0.1, bend_lost = 0.5, bend_fraction = 0.17;
-static const double passed_fraction =
-    0.4; /* of the cube of the bend, behind which the unit of length is another by that */
+static const double calibration_fraction = 0.0063; /* of the way, on good runs */
 static const double open_max = 0.01; /* rad, and of the depth; good pictures leave .001 open */
 static const double doubt_fraction =
     0.05; /* of the way, where the pictures do not bear the map out */
@@ -310,34 +311,6 @@ static double map_bend(const struct fv_map *map, double focal_px, const struct f
     return bend < 1 ? bend : 1;
 }
 
-/* Of the frame's unit of length: that of the keyframes from which its landmarks come. */
-static double unit_variance(const struct fv_map *map, const struct fv_map_frame *frame)
-{
-    double sum = 0;
-    uint32_t count = 0;
-    for (uint32_t f = 0; f < frame->keyframe->features; f++) {
-        if (frame->landmark[f] == FV_MAP_NONE) continue;
-        const struct fv_landmark *l = &map->landmarks[frame->landmark[f]];
-        sum += (double)map->keyframes[l->observers[0].keyframe].unit_variance;
-        count++;
-    }
-    return count > 0 ? sum / count : 0;
-}
-
-/* The unit is another by its own share: lengths in it, and no turn. Notes what the unit of a
- * keyframe made of the frame varies by: there the map passes through as few landmarks with parallax
- * as the bend says. A young map has nothing before it. */
-static void add_unit(struct fv_odometry *o, const struct fv_map_frame *frame, double bend,
-                     bool is_young, const double t[3], double covariance[21])
-{
-    const double variance = unit_variance(&o->map, frame),
-                 passed = passed_fraction * bend * bend * bend;
-    for (int row = 0, k = 0; row < 3; k += 6 - row, row++)
-        for (int column = row; column < 3; column++)
-            covariance[k + column - row] += variance * t[row] * t[column];
-    o->state->covariance.unit_variance = is_young ? 0 : (float)(variance + passed * passed);
-}
-
 static struct fv_shown *shown_of(struct fv_joint *j, int pose)
 {
     return &j->shown[pose == REFERENCE ? FV_COVARIANCE_POSES_MAX : pose];
@@ -429,6 +402,16 @@ static void reference_from(const struct fv_keyframe *reference, const struct fv_
     fv_se3_compose(&frame->keyframe->T_cam_world, &T_world_ref, T);
 }
 
+/* What is counted of what the parts show, errors of the fit having `variance`. */
+static void weigh_parts(double variance, struct fv_pose_shown *parts)
+{
+    const double beyond = (parts->variance / variance - parts_chance) / (parts_sure - parts_chance);
+    const double sure = beyond < 0 ? 0 : beyond > 1 ? 1 : beyond;
+    const double counted = parts_fraction + (1 - parts_fraction) * sure;
+    for (int k = 0; k < 21; k++)
+        parts->covariance[k] *= counted;
+}
+
 /* What the parts of the reference's image showed, in place of what those of the frame's show, where
  * that is much larger, judged by turns, which have one unit everywhere. */
 static void larger_parts(const struct fv_odometry *o, const struct fv_se3 *T_frame_ref,
@@ -462,6 +445,16 @@ static void write_own(struct fv_covariance_state *s, const struct fv_pose_fit *f
     s->own_turn = __builtin_sqrt((own[15] + own[18] + own[20]) / 3);
 }
 
+/* What grows with the way, in all directions, and turns alike over the depth. */
+static void add_drift(double bend, bool doubt, double way, double depth, double covariance[21])
+{
+    const double of_bend = bend_fraction * bend * bend, of_doubt = doubt ? doubt_fraction : 0,
+                 of_lens = calibration_fraction,
+                 drift2 = (of_bend * of_bend + of_doubt * of_doubt + of_lens * of_lens) * way * way;
+    for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
+        covariance[k] += row < 3 ? drift2 : drift2 / (depth * depth);
+}
+
 bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame,
                          const struct fv_pose_fit *fit)
 {
@@ -477,6 +470,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     bool reliable = spread && (parts.variance < together_max * variance ||
                                fv_agreement_settled(&o->state->agreement));
     fv_pose_spread(fit, together_max * variance, &parts);
+    weigh_parts(variance, &parts);
     if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
         memset(covariance, 0, sizeof o->state->pose.covariance);
         (void)fv_pose_add_alone(fit, variance, covariance);
@@ -487,18 +481,15 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     memcpy(o->state->parts, parts.covariance, sizeof o->state->parts);
     larger_parts(o, &T_frame_ref, parts.covariance);
     for (int k = 0; k < 21; k++)
-        covariance[k] = own_fraction * covariance[k] + parts.covariance[k];
+        covariance[k] += parts.covariance[k];
     const double depth = reference->depth > 0 ? reference->depth : 1;
     if (!well_known(covariance, depth)) reliable = false;
-    if (fv_covariance_add_lens(o, variance, covariance)) reliable = false;
-    fv_covariance_add_reference_lens(o, &T_frame_ref, covariance);
-    const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
-    const double open = bend_fraction * bend + (doubt ? doubt_fraction : 0),
-                 drift = open * fv_norm3(T_frame_ref.t), turn = drift / depth;
-    for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
-        covariance[k] += row < 3 ? drift * drift : turn * turn;
     const bool is_young =
         o->map.state->keyframe_number - o->state->first_keyframe < YOUNG_KEYFRAMES;
-    add_unit(o, frame, bend, is_young, T_frame_ref.t, covariance);
+    if (fv_covariance_add_lens(o, variance, is_young ? bend : 0, covariance)) reliable = false;
+    fv_covariance_add_reference_lens(o, &T_frame_ref, covariance);
+    const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
+    add_drift(bend, doubt, fv_norm3(T_frame_ref.t), depth, covariance);
+    fv_covariance_add_unit(o, frame, bend, is_young, T_frame_ref.t, covariance);
     return reliable && bend < (is_young ? bend_max : bend_lost);
 }

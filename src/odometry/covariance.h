@@ -8,15 +8,17 @@
  * were seen from are off, count as what they are. A sample of 48 landmarks stands for all, and the
  * 7 keyframes that see most of them for the rest; with the jackknife below, a sample taken by
  * leverage was no better than an even one. The unit of length, which is free, is held by the path
- * of these poses to 1.5 %.
+ * of these poses to .5 %.
  *
  * That takes the errors of landmarks for independent. They are not: a thing that moves, whose
  * landmarks were created a frame ago, pulls with all of them, and where they have most of the
  * leverage the pose follows. So the covariance that the parts of the image (6 x 4) show is added:
  * the pose moves by something when a part is left out, and what is moved where one part has most of
- * the leverage is much (fv_pose_jackknife). Where few parts are left, as behind something that
- * hides the others, they do not show every direction, and what they show beyond three times the
- * errors' variance, which chance does not, is spread over all (fv_pose_spread). Errors of single
+ * the leverage is much (fv_pose_jackknife). Few parts show it, and by chance often more than there
+ * is: on good runs two fifths of it are enough, which have up to four times the errors' variance.
+ * From eight times on, where something does pull, all of it counts. Where few parts are left, as
+ * behind something that hides the others, they do not show every direction, and what they show
+ * beyond three times the errors' variance is spread over all (fv_pose_spread). Errors of single
  * landmarks are taken to have the variance that the frame's inliers show a posteriori.
  *
  * A keyframe may have been noisier than the frame: the sensor had more gain, or the link failed
@@ -24,27 +26,23 @@
  * frame's, its observations are weighted by it. Likewise the reference keyframe may have hung on
  * few parts of its image, as where something hid the rest, and the frame does not: what the parts
  * showed of the keyframe, when it was the current frame, stands in place of what they show of the
- * frame where it is at least twice as large, which chance is not.
+ * frame where it is at least four times as large, which chance is not.
  *
  * Noise over the mean parallax of the visible landmarks tells how far the map may be bent, and with
- * it the unit of length from place to place; a fraction of that, over the way from the reference,
+ * it the unit of length from place to place; its square times .17, over the way from the reference,
  * is added. It fades as parallax grows. In a metric map nothing is: measured distances are errors
  * of the joint problem, and hold each landmark from its first keyframe on.
+ *
+ * No calibration is exact: .63 % of the way is added on every run, and the same over the depth to
+ * turns. On EuRoC errors grow with the way so; simulated cameras, which are exact, have none of it.
  *
  * So is a twentieth of the way where the pictures leave the map in doubt (agreement.h).
  *
  * What another focal length than the calibration's would move the pose by is added, too
  * (covariance_lens.h).
  *
- * Where the camera passes from what it knew to what has next to no parallax, the map goes on in
- * another unit of length, and the pictures behind do not show it. In 24 simulated runs of 500
- * frames without faults bends up to .4 changed it by 2 %, however many keyframes had them; where
- * bends of 1 followed each other, most of all in one run of sim:road, it went off by some 40 % at
- * each keyframe. So a keyframe keeps the variance of the logarithm of its unit over
- * the map's: the mean of those of the keyframes from which its landmarks come, and (.4 bend^3)^2.
- * The frame has the mean likewise, and that share of the way from the reference, squared, is added
- * along the way. A closure leaves its keyframes the smaller variance of its two ends; a map from a
- * file begins with none.
+ * So is, along the way from the reference, what the unit of length may be off that of the map
+ * behind places where next to nothing had parallax (covariance_unit.h).
  *
  * Not to be relied on, whatever its size: where that bend is half or more, and while the map is
  * young (fewer than ten keyframes) a tenth; where the parts' variance is three times that of the
@@ -73,7 +71,8 @@ struct fv_covariance_state {
     double focal;                     /* and that change, by the pictures; 0: none */
     double focal_held;                /* the largest that was clear in one picture, fading */
     uint32_t alert_frames;            /* for so many frames a smaller change is a hint */
-    float unit_variance;              /* of a keyframe that is made of the last frame (map.h) */
+    float unit_variance;              /* of a keyframe that is made of the last frame (map.h), */
+    double unit_half_difference;      /* and of all (covariance_unit.h) */
     /* What independent errors of its pixels alone do to the last frame's position (map's unit) and
      * turn (rad), standard deviations of an axis: of the covariance, what is its own */
     double own_position, own_turn;

@@ -7,9 +7,11 @@
 
 enum { ALERT_FRAMES = 300 };
 
-static const double focal_sigmas = 4, focal_max = 0.01; /* in good runs it stays below half of it */
-static const double focal_hint = 3, focal_hint_mean = 5; /* sigmas of one frame, of the mean: frames
-                                                            share the errors of their map */
+static const double focal_spread = 2;     /* of changes in good runs over sigma of one frame, */
+static const double focal_common = 0.001, /* and what frames have in common, that of their map, */
+    focal_bent = 0.02;                    /* and of its bend */
+static const double focal_sigmas = 3, focal_hint = 2; /* of both together */
+static const double focal_max = 0.01;                 /* in good runs it stays below half of it */
 static const double focal_alert = 0.004,
                     focal_less = 0.4;       /* of the sigmas of a hint, while on the alert */
 static const double focal_fade = 0.9;       /* of the mean, per frame */
@@ -17,30 +19,51 @@ static const double focal_held_fade = 0.99; /* of what was clear, per frame */
 static const double focal_shown =
     0.25; /* least of a change that the inliers of a fit without it show */
 
-/* The change of the focal length to count, of a frame that shows `change` with `sigma`. */
-static double change_to_count(struct fv_covariance_state *s, double change, double sigma)
+/* By how much changes of the focal length vary on good runs; `variance` is what independent errors
+ * make of one. */
+static double focal_sigma(double variance, double bend)
 {
-    const double weight = 1 / (sigma * sigma), own = __builtin_fabs(change);
-    s->change_sum = focal_fade * s->change_sum + weight * change;
+    const double bent = focal_bent * bend;
+    return __builtin_sqrt(focal_spread * focal_spread * variance + focal_common * focal_common +
+                          bent * bent);
+}
+
+/* What a frame shows of the focal length. */
+struct shown {
+    double change, variance, bend; /* variance: what independent errors make of the change */
+};
+
+static bool is_clear(const struct shown *shown)
+{
+    return __builtin_fabs(shown->change) > focal_sigmas * focal_sigma(shown->variance, shown->bend);
+}
+
+/* The change of the focal length to count. */
+static double change_to_count(struct fv_covariance_state *s, const struct shown *shown)
+{
+    const double weight = 1 / shown->variance, own = __builtin_fabs(shown->change);
+    s->change_sum = focal_fade * s->change_sum + weight * shown->change;
     s->change_weight = focal_fade * s->change_weight + weight;
     const double mean = __builtin_fabs(s->change_sum / s->change_weight),
-                 mean_sigma = __builtin_sqrt(1 / s->change_weight),
-                 less = s->alert_frames > 0 ? focal_less : 1;
-    const double of_mean = mean > less * focal_hint_mean * mean_sigma ? mean : 0,
-                 of_own = own > less * focal_hint * sigma ? own : 0;
-    if (own > focal_sigmas * sigma) return own / focal_shown;
+                 hint = focal_hint * (s->alert_frames > 0 ? focal_less : 1),
+                 mean_sigma = focal_sigma(1 / s->change_weight, shown->bend),
+                 own_sigma = focal_sigma(shown->variance, shown->bend);
+    const double of_mean = mean > hint * mean_sigma ? mean : 0,
+                 of_own = own > hint * own_sigma ? own : 0;
+    if (is_clear(shown)) return own / focal_shown;
     return of_own > of_mean ? of_own : of_mean;
 }
 
-bool fv_covariance_add_lens(struct fv_odometry *o, double variance, double covariance[21])
+bool fv_covariance_add_lens(struct fv_odometry *o, double variance, double bend,
+                            double covariance[21])
 {
     const struct fv_inverse_distance *distances =
         fv_map_metric(&o->map) ? fv_map_distances(&o->map, fv_map_current(&o->map)) : NULL;
     struct fv_covariance_state *s = &o->state->covariance;
     struct fv_lens_frame lens;
     if (!fv_lens_frame_current(o, distances, 1, &lens)) return false;
-    const double sigma = lens.sigma_unit * __builtin_sqrt(variance),
-                 counted = change_to_count(s, lens.change, sigma),
+    const struct shown shown = {lens.change, lens.sigma_unit * lens.sigma_unit * variance, bend};
+    const double counted = change_to_count(s, &shown),
                  times = lens.change != 0 ? counted / lens.change : 0;
     for (int row = 0, k = 0; row < 6; row++)
         for (int column = row; column < 6; column++, k++) {
@@ -48,14 +71,14 @@ bool fv_covariance_add_lens(struct fv_odometry *o, double variance, double covar
             covariance[k] += s->lens[k];
         }
     const double own = __builtin_fabs(lens.change);
-    const bool is_clear = own > focal_sigmas * sigma;
+    const bool clear = is_clear(&shown);
     s->focal_held *= focal_held_fade;
-    if (is_clear && own > s->focal_held) s->focal_held = own;
+    if (clear && own > s->focal_held) s->focal_held = own;
     if (s->alert_frames > 0) s->alert_frames--;
-    if (is_clear && own > focal_alert) s->alert_frames = ALERT_FRAMES;
-    s->focal = is_clear ? own : counted;
+    if (clear && own > focal_alert) s->alert_frames = ALERT_FRAMES;
+    s->focal = clear ? own : counted;
     if (s->focal_held > s->focal) s->focal = s->focal_held;
-    return is_clear && own > focal_max;
+    return clear && own > focal_max;
 }
 
 void fv_covariance_add_reference_lens(const struct fv_odometry *o, const struct fv_se3 *T_frame_ref,

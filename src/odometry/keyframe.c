@@ -1,5 +1,6 @@
 /* Whether a frame becomes a keyframe, and making it one. */
 #include "geometry/vec.h"
+#include "odometry/covariance_unit.h"
 #include "odometry/odometry.h"
 
 enum {
@@ -112,6 +113,7 @@ void fv_odometry_make_keyframe(struct fv_odometry *o)
     struct fv_keyframe *keyframe = &o->map.keyframes[slot];
     keyframe->depth = depth;
     keyframe->unit_variance = s->covariance.unit_variance;
+    fv_covariance_spread_units(o);
     for (uint32_t f = 0; f < current.keyframe->features; f++) {
         int32_t landmark = current.landmark[f];
         /* Making room may have taken landmarks that the frame had matched. */

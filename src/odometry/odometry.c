@@ -246,8 +246,12 @@ bool fv_odometry_reference_known(const struct fv_odometry *o)
     return reference->slot == slot && reference->generation == o->map.keyframes[slot].generation;
 }
 
+static const double correction_fraction = 0.25; /* of its square */
+
 /* Optimisation has moved the reference keyframe since its own frame's pose was published: by so
- * much the two published poses disagree with the map, and that is added to the covariance. */
+ * much the two published poses disagree with the map. The pose relative to the keyframe is the
+ * map's, the way between the published ones is not, and one covariance holds for both: half of it
+ * is added. */
 static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
                            const struct fv_se3 *T_odom_cam)
 {
@@ -277,7 +281,7 @@ static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_m
     fv_so3_log(turned, e + 3);
     for (int row = 0, k = 0; row < 6; row++)
         for (int column = row; column < 6; column++, k++)
-            s->pose.covariance[k] += e[row] * e[column];
+            s->pose.covariance[k] += correction_fraction * e[row] * e[column];
 }
 
 /* From the place that the features were seen from to the camera. */
