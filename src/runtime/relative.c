@@ -6,6 +6,8 @@
 
 enum { RING = FOVEA_RELATIVE_FRAMES_MAX + 1 };
 
+static const double unit_sigma = 0.005; /* of a stretch, relative */
+
 void fv_relative_carve(struct fv_relative *relative, struct fv_arena *persistent)
 {
     relative->state = fv_arena_take(persistent, 1, sizeof *relative->state);
@@ -55,7 +57,7 @@ void fv_relative_note(const struct fv_relative *relative, const struct fovea_pos
     fv_se3_from_rows(pose->T_world_cam, &frame->T_world_cam);
     memcpy(frame->covariance, pose->covariance, sizeof frame->covariance);
     take_scale_out(pose, frame->covariance);
-    frame->scale_sigma = pose->scale_sigma;
+    frame->common_sigma = s->metric ? pose->scale_sigma : unit_sigma;
 }
 
 /* Add the covariance of a frame, carried to the later one. */
@@ -70,6 +72,15 @@ static void add_link(const struct fv_se3 *T_now_world, const struct fv_relative_
         covariance[k] += carried[k];
 }
 
+/* What links have in common along the whole way: the scale's error, or that of the unit of length of
+ * the stretch, which differs from place to place. */
+static void add_common(const struct fv_se3 *T_before_now, double sigma, double covariance[21])
+{
+    double way[3];
+    fv_rotate_back3(T_before_now->R, T_before_now->t, way);
+    fv_se3_add_along(way, sigma * sigma, covariance);
+}
+
 bool fv_relative_get(const struct fv_relative *relative, uint32_t frames,
                      struct fovea_relative_pose *out)
 {
@@ -79,7 +90,6 @@ bool fv_relative_get(const struct fv_relative *relative, uint32_t frames,
     const uint64_t last = s->frames - 1, first = last - frames;
     const struct fv_relative_frame *now = &s->ring[last % RING], *before = &s->ring[first % RING];
     struct fv_se3 T_before_world, T_now_world, T;
-    double way[3];
     if (now->stretch == 0 || now->stretch != before->stretch) return false;
     out->stamp_ns = now->stamp_ns;
     out->before_stamp_ns = before->stamp_ns;
@@ -95,7 +105,6 @@ bool fv_relative_get(const struct fv_relative *relative, uint32_t frames,
         if (frame->stretch == now->stretch && (frame->is_keyframe != 0) == (i != first))
             add_link(&T_now_world, frame, out->covariance);
     }
-    fv_rotate_back3(T.R, T.t, way);
-    fv_se3_add_along(way, now->scale_sigma * now->scale_sigma, out->covariance);
+    add_common(&T, now->common_sigma, out->covariance);
     return true;
 }

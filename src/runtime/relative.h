@@ -5,9 +5,10 @@
  * Every frame that becomes a keyframe has, as its covariance, that of its pose relative to the
  * keyframe before. These are links of a chain. The covariance of a motion is the sum of those of
  * the later frame against its keyframe, of the keyframes made in between, and of the earlier frame
- * against its own, each carried to the later frame by the adjoint, as if they were independent; in
- * metres besides that of the scale, whose error is the same all the way. Held against the truth by
- * tools/evaluate (nees6_apart).
+ * against its own, each carried to the later frame by the adjoint, as if they were independent.
+ * What they have in common is added for the whole way, along it: in metres the scale's error, else
+ * .5 %, by which the unit of length of a stretch differs from that of the path. Held against the
+ * truth by tools/evaluate (nees6_apart).
  *
  * The last FOVEA_RELATIVE_FRAMES_MAX frames are held in a ring. State holds no addresses. Noting a
  * frame is real-time safe; asking is bounded by the frames held. */
@@ -24,7 +25,7 @@ struct fv_relative_frame {
     uint32_t is_keyframe;
     struct fv_se3 T_world_cam;
     double covariance[21]; /* but for the scale's share */
-    double scale_sigma;
+    double common_sigma; /* along the way: what links have in common, relative */
 };
 
 struct fv_relative_state {

@@ -3,6 +3,8 @@
 
 #include <stdlib.h>
 
+#include "odometry/covariance_unit.h"
+
 #include "bounds/counter.h"
 #include "bounds/full_map.h"
 #include "bounds/pieces.h"
@@ -20,8 +22,15 @@ static void collect(void *context)
 {
     struct covarying *c = context;
     collect_parts(&c->o->map, &c->frame, c->parts);
-    c->variance =
-        map_bend(&c->o->map, c->o->focal_px, &c->frame, 0.1) + unit_variance(&c->o->map, &c->frame);
+    const double t[3] = {1, 1, 1};
+    c->variance = map_bend(&c->o->map, c->o->focal_px, &c->frame, 0.1);
+    fv_covariance_add_unit(c->o, &c->frame, 0.1, false, t, c->covariance);
+}
+
+static void spread_units(void *context)
+{
+    struct covarying *c = context;
+    fv_covariance_spread_units(c->o);
 }
 
 static void joint(void *context)
@@ -40,7 +49,7 @@ static void jackknife(void *context)
 static void lens_current(void *context)
 {
     struct covarying *c = context;
-    (void)fv_covariance_add_lens(c->o, 0, c->covariance);
+    (void)fv_covariance_add_lens(c->o, 0, 0, c->covariance);
 }
 
 /* Parts of one weight each. */
@@ -75,6 +84,7 @@ void pieces_of_covariance(struct fovea *rt)
     for (uint32_t f = 0; f < c.frame.keyframe->features; f++)
         c.frame.landmark[f] = newest.landmark[f];
     NOTE(parts_collected, collect, &c, 1);
+    NOTE(units_spread, spread_units, &c, 1);
     NOTE(joint, joint, &c, 1);
     NOTE(lens_current, lens_current, &c, 1);
     make_parts(&c);

@@ -37,6 +37,7 @@
     ROW(parts_collected, "errors by part of the image")                                            \
     ROW(jackknife, "the jackknife over the parts of the image")                                    \
     ROW(lens_current, "the focal length of the frame")                                             \
+    ROW(units_spread, "the mean difference of the keyframes' units of length")                     \
     ROW(joint, "the joint problem of the pose, most poses and observers")                          \
     ROW(depth, "the median depth, by halving")                                                     \
     ROW(published, "the pose, its covariance and its rates for those outside")                     \

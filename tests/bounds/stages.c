@@ -146,6 +146,7 @@ static void add_rest(struct bound *b, uint32_t way, const struct capacities *c)
     TERM(b, way, 1, keyframe_chosen);
     TERM(b, way, 1, keyframe_removed);
     TERM(b, way, 1, keyframe_added);
+    TERM(b, way, 1, units_spread);
     TERM(b, way, features, landmark_linked);
     TERM(b, way, features, landmark_refreshed);
 }

@@ -11,6 +11,7 @@ POSES_MIN = 10        # of a map that is judged
 WINDOW = 10           # frames over which scale is local
 WINDOW_M = 0.1        # least motion of the truth in it, and in a single step
 APART = 50            # frames between the poses of the longer relative error
+UNIT_SIGMA = 0.005    # of the unit of length of a stretch, relative (src/runtime/relative.c)
 CHI2_999 = 22.4577    # of 6 degrees of freedom: 99.9 % are below
 DRIFT_PATH_M = 10.0   # a shorter path says nothing about drift per 100 m
 
@@ -150,11 +151,14 @@ def carried(run, j, i):
 
 def chain_covariance(run, j, i, links):
     """Covariance of the motion from pose j to pose i, as fovea_relative_pose_get sums it (src/runtime/relative.h): that of pose i, those
-    of the keyframes in between against the ones before them, and that of pose j unless it is a keyframe itself. `links`: is a keyframe."""
+    of the keyframes in between against the ones before them, and that of pose j unless it is a keyframe itself; and what their unit of
+    length errs by in common. `links`: is a keyframe."""
     total = run["covariance"][i].copy()
     for k in range(j, i):
         if links[k] == (k != j) and run["map"][k] == run["map"][i] and run["state"][k] in POSED:
             total += carried(run, k, i)
+    Re, te = relative(run["R"][j], run["position"][j], run["R"][i], run["position"][i])
+    total[:3, :3] += UNIT_SIGMA ** 2 * np.outer(Re.T @ te, Re.T @ te)
     return total
 
 

@@ -42,7 +42,14 @@ static void near(double found, double expected)
         fail_msg("found %.15g, expected %.15g", found, expected);
 }
 
-/* Frames 0 and 2 are keyframes; motions sum what hangs in between. */
+/* What the unit of length of a stretch errs by: .5 % of the way. */
+static double unit_of(double way)
+{
+    return 0.005 * 0.005 * way * way;
+}
+
+/* Frames 0 and 2 are keyframes; motions sum what hangs in between, and the unit of length is off
+ * along the way. */
 static void links_add_up(void **unused)
 {
     struct fovea_relative_pose motion;
@@ -57,14 +64,14 @@ static void links_add_up(void **unused)
     assert_int_equal(motion.before_stamp_ns, 300);
     assert_int_equal(motion.stamp_ns, 400);
     near(motion.T_before_now[3], 1);
-    near(motion.covariance[0], 0.09);
+    near(motion.covariance[0], 0.09 + unit_of(1));
     assert_true(fv_relative_get(&relative, 2, &motion)); /* since a frame of the keyframe before */
     near(motion.T_before_now[3], 2);
-    near(motion.covariance[0], 0.09 + 0.04 + 0.01);
+    near(motion.covariance[0], 0.09 + 0.04 + 0.01 + unit_of(2));
     /* Turns at frames 1 and 2 move the camera aside by 2 and 1 times as much; y is element 6. */
     near(motion.covariance[6], 1e-4 * (4 + 1));
     assert_true(fv_relative_get(&relative, 3, &motion)); /* since a keyframe: nothing of its own */
-    near(motion.covariance[0], 0.09 + 0.04);
+    near(motion.covariance[0], 0.09 + 0.04 + unit_of(3));
     assert_false(fv_relative_get(&relative, 4, &motion));
 }
 
@@ -121,7 +128,7 @@ static void a_ring_of_frames(void **unused)
         note(frame, pose_at(frame, 0.1, 0), 0);
     assert_true(fv_relative_get(&relative, FOVEA_RELATIVE_FRAMES_MAX, &motion));
     near(motion.T_before_now[3], FOVEA_RELATIVE_FRAMES_MAX);
-    near(motion.covariance[0], 2 * 0.01);
+    near(motion.covariance[0], 2 * 0.01 + unit_of(FOVEA_RELATIVE_FRAMES_MAX));
     assert_false(fv_relative_get(&relative, FOVEA_RELATIVE_FRAMES_MAX + 1, &motion));
 }
 
