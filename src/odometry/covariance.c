@@ -445,11 +445,13 @@ static void write_own(struct fv_covariance_state *s, const struct fv_pose_fit *f
     s->own_turn = __builtin_sqrt((own[15] + own[18] + own[20]) / 3);
 }
 
-/* What grows with the way, in all directions, and turns alike over the depth. */
-static void add_drift(double bend, bool doubt, double way, double depth, double covariance[21])
+/* What grows with the way, in all directions, and turns alike over the depth. In metres by two
+ * cameras what the calibration errs by is the scale's. */
+static void add_drift(const struct fv_map *map, double bend, bool doubt, double way, double depth,
+                      double covariance[21])
 {
     const double of_bend = bend_fraction * bend * bend, of_doubt = doubt ? doubt_fraction : 0,
-                 of_lens = calibration_fraction,
+                 of_lens = fv_map_metric(map) ? 0 : calibration_fraction,
                  drift2 = (of_bend * of_bend + of_doubt * of_doubt + of_lens * of_lens) * way * way;
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift2 : drift2 / (depth * depth);
@@ -489,7 +491,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     if (fv_covariance_add_lens(o, variance, is_young ? bend : 0, covariance)) reliable = false;
     fv_covariance_add_reference_lens(o, &T_frame_ref, covariance);
     const bool doubt = fv_agreement_verdict(&o->state->agreement) != FV_AGREEMENT_GOOD;
-    add_drift(bend, doubt, fv_norm3(T_frame_ref.t), depth, covariance);
+    add_drift(&o->map, bend, doubt, fv_norm3(T_frame_ref.t), depth, covariance);
     fv_covariance_add_unit(o, frame, bend, is_young, T_frame_ref.t, covariance);
     return reliable && bend < (is_young ? bend_max : bend_lost);
 }

@@ -35,6 +35,7 @@
  *
  * No calibration is exact: .63 % of the way is added on every run, and the same over the depth to
  * turns. On EuRoC errors grow with the way so; simulated cameras, which are exact, have none of it.
+ * In a metric map the scale's sigma says that.
  *
  * So is a twentieth of the way where the pictures leave the map in doubt (agreement.h).
  *

@@ -158,7 +158,8 @@ def chain_covariance(run, j, i, links):
         if links[k] == (k != j) and run["map"][k] == run["map"][i] and run["state"][k] in POSED:
             total += carried(run, k, i)
     Re, te = relative(run["R"][j], run["position"][j], run["R"][i], run["position"][i])
-    total[:3, :3] += UNIT_SIGMA ** 2 * np.outer(Re.T @ te, Re.T @ te)
+    unit = run["scale_sigma"][i] if run["metric"][i] and "scale_sigma" in run else UNIT_SIGMA
+    total[:3, :3] += unit ** 2 * np.outer(Re.T @ te, Re.T @ te)
     return total
 
 
