@@ -17,6 +17,7 @@ sys.path.insert(0, os.path.join(ROOT, "tools", "evaluate"))
 FOVEA = os.path.abspath(os.path.join(os.environ.get("BUILD", os.path.join(ROOT, "build")), "fovea"))
 
 import faults  # noqa: E402
+import metric  # noqa: E402
 import metrics  # noqa: E402
 import one  # noqa: E402
 import plan  # noqa: E402
@@ -67,6 +68,8 @@ def drive(n=60, scale=0.25, maps=None):
         R[of] = W @ truth_R[of]
     stamps = np.arange(n) * 100_000_000 + 5
     return {"metric": np.zeros(n, bool), "frame": np.arange(n) + 7, "stamp_ns": stamps, "state": np.where(maps < 0, 3, 1), "map": maps, "reset": np.zeros(n, int),
+            "velocity": np.full((n, 3), np.nan), "velocity_covariance": np.full((n, 6, 6), np.nan), "gravity": np.full((n, 3), np.nan),
+            "gravity_sigma": np.full(n, np.nan), "scale_sigma": np.full(n, np.nan),
             "quality": np.full(n, 0.5), "inliers": np.full(n, 90), "position": position, "R": R,
             "covariance": np.tile(np.diag([1e-4] * 3 + [1e-6] * 3), (n, 1, 1)), "keyframe": np.zeros(n, int), "keyframe_stamp_ns": np.zeros(n, int),
             "keyframe_position": np.zeros((n, 3)), "keyframe_R": np.tile(np.eye(3), (n, 1, 1)), "change_count": np.zeros(n, int),
@@ -205,6 +208,79 @@ class Measures(unittest.TestCase):
             links[0] = True  # frame 50 is a keyframe, and frame 0 has no error of its own
             values.append(metrics.against_earlier(run, 0, 50, 4.0, links)[2] / 6)
         self.assertAlmostEqual(np.mean(values), 1, delta=0.13)
+
+
+class InMetres(unittest.TestCase):
+    """A flight of 20 frames per second, 200 of them, as an inertial sensor and a camera would see it without errors from frame 80 on."""
+
+    def flight(self, scale=1.0):
+        n, s = 200, np.arange(200) / 20
+        run = drive(n, scale)
+        truth = np.stack([3 * np.sin(s), 2 * np.cos(1.3 * s), 0.5 * np.sin(2 * s)], 1)
+        speed = np.stack([3 * np.cos(s), -2.6 * np.sin(1.3 * s), np.cos(2 * s)], 1)
+        W = turn(np.array([0.2, -0.4, 1.5]))
+        run["stamp_ns"] = np.arange(n) * 50_000_000 + 5
+        run["truth_position"], run["position"] = truth, scale * truth @ W.T
+        run["R"] = W @ run["truth_R"]
+        run["metric"] = np.arange(n) >= 80
+        run["velocity"] = np.where(run["metric"][:, None], scale * speed @ W.T, np.nan)
+        run["velocity_covariance"][:] = np.diag([1e-4] * 3 + [1e-6] * 3)
+        run["gravity"] = np.where(run["metric"][:, None], 9.8 * W @ [0, 0, -1], np.nan)
+        run["gravity_sigma"][:], run["scale_sigma"][:] = 0.01, 0.02
+        return run, W
+
+    def test_a_perfect_flight_has_no_error(self):
+        row, = metrics.judge(self.flight()[0], "sim:")
+        self.assertAlmostEqual(row["metric_since_s"], 4)
+        self.assertAlmostEqual(row["metric_first_sigma_percent"], 2)
+        for name in ("metric_first_error_sigmas", "gravity_5s_deg", "gravity_10s_deg", "gravity_rms_deg", "gravity_nees2"):
+            self.assertAlmostEqual(row[name], 0, places=6, msg=name)
+        self.assertLess(row["velocity_nees3"], 1e-3)  # what the derivative of five positions is not
+
+    def test_scale_and_velocity_are_judged_by_what_is_stated(self):
+        run, _ = self.flight(1.03)
+        row, = metrics.judge(run, "sim:")
+        self.assertAlmostEqual(row["metric_first_error_sigmas"], 1.5, places=6)
+        run, _ = self.flight()
+        for i in range(80, 200):
+            run["velocity"][i] += RANDOM.normal(size=3) * 1e-2
+        self.assertAlmostEqual(metrics.judge(run, "sim:")[0]["velocity_nees3"], 1, delta=0.35)
+
+    def test_gravity_is_judged_where_the_truth_is_upright(self):
+        tilted = turn(np.array([np.radians(0.5), 0, 0]))
+        for source, known in (("sim:orbit", True), ("euroc:x", True), ("kitti:x", False), ("sequence:sim: then tum:x", False)):
+            run, W = self.flight()
+            run["gravity"] = run["gravity"] @ (W @ tilted @ W.T).T
+            row, = metrics.judge(run, source)
+            self.assertEqual(np.isfinite(row["gravity_rms_deg"]), known)
+            if known:
+                self.assertAlmostEqual(row["gravity_5s_deg"], 0.5, places=6)
+                self.assertAlmostEqual(row["gravity_nees2"], (np.radians(0.5) / 0.01) ** 2 / 2, places=6)
+
+    def test_poses_in_metres_are_not_scaled(self):
+        for scale in (1, 1.1):
+            run, _ = self.flight(scale)
+            run["covariance"][:] = np.eye(6) * 1e-4
+            run["keyframe_stamp_ns"][:] = run["stamp_ns"][0]
+            for i in range(200):
+                R, t = metrics.relative(run["R"][0], run["position"][0], run["R"][i], run["position"][i])
+                run["keyframe_R"][i], run["keyframe_position"][i] = R, t
+            row, = metrics.judge(run, "sim:")
+            self.assertAlmostEqual(row["nees6_keyframe"], 0, places=6)
+            if scale == 1:
+                self.assertEqual((row["tracking_outside"], round(row["metric_nees6"], 6)), (0, 0))
+            else:
+                self.assertGreater(row["tracking_outside"], 0.9)
+
+    def test_stays_in_a_map_are_judged_apart(self):
+        run, _ = self.flight()
+        run["reset"][100:] = 1
+        run["change_count"][:100] = 2
+        run["change"][:100] = [(3.0, turn(np.array([1.0, 0, 0])), np.ones(3))] * 100
+        rows = metrics.judge(run, "sim:")
+        self.assertEqual([(row["reset"], row["poses"]) for row in rows], [(0, 100), (1, 100)])
+        for row in rows:  # the change of the first stay is none of the second's
+            self.assertAlmostEqual(row["scale"], 1, places=6)
 
 
 class Faults(unittest.TestCase):

@@ -1,9 +1,12 @@
-"""What a run's poses are worth against the truth, for each of its maps alone. Needs numpy.
+"""What a run's poses are worth against the truth, for each stay in a map alone. Needs numpy.
 
-Poses of different maps are never put together: each map has a unit and a world of its own. Truth belongs to a frame by the frame's
+Poses of different maps are never put together: each map has a unit and a world of its own. Neither are those before and after the
+camera was lost and found again in the same map (reset_counter): `odom` and its changes of unit begin anew there. Truth belongs to a frame by the frame's
 own stamp, which the run wrote with both.
 """
 import numpy as np
+
+import metric
 
 POSED = (1, 2, 5)  # pose_t: tracking, weak, coasting
 STATES = ("starting", "tracking", "weak", "lost", "paused", "coasting")
@@ -26,6 +29,12 @@ RMSE_SHARE, MAX_SHARE, SCALE_RATIO = 0.015, 0.04, 1.5
 def truth_error_m(source):
     """Of a source's URI, also of one that wraps or chains others: the worst of them."""
     return max((error for kind, error in TRUTH_ERROR_M.items() if kind + ":" in source), default=0.0)
+
+
+def upright(source):
+    """Whether the truth of all that a source's URI names has z up."""
+    kinds = [kind for kind in ("kitti", "tum", "euroc", "sim", "images", "lcmlog", "video") if kind + ":" in source]
+    return bool(kinds) and all(kind in metric.UPRIGHT for kind in kinds)
 
 
 def rotation(q):
@@ -103,18 +112,22 @@ def relative(Ra, ta, Rb, tb):
 
 
 def one_unit(run):
-    """Bring all poses of each map to the map's last unit and frame: pose_t states each change, p_new = s R p_old + t."""
-    changes = {}  # map: {count: (s, R, t)}
+    """Bring all poses of each stay to its last unit and frame: pose_t states each change, p_new = s R p_old + t."""
+    changes = {}  # (map, reset): {count: (s, R, t)}
+    stay = lambda i: (int(run["map"][i]), int(run["reset"][i]))
     for i in np.flatnonzero(run["map"] >= 0):
-        changes.setdefault(int(run["map"][i]), {}).setdefault(int(run["change_count"][i]), run["change"][i])
+        changes.setdefault(stay(i), {}).setdefault(int(run["change_count"][i]), run["change"][i])
     for i in np.flatnonzero(run["map"] >= 0):
-        known = changes[int(run["map"][i])]
+        known = changes[stay(i)]
         for count in range(int(run["change_count"][i]) + 1, max(known) + 1):
             if count not in known:
                 continue
             s, R, t = known[count]
             run["position"][i] = s * R @ run["position"][i] + t
             run["R"][i] = R @ run["R"][i]
+            run["gravity"][i] = R @ run["gravity"][i]
+            run["velocity"][i] = s * R @ run["velocity"][i]
+            run["velocity_covariance"][i][:3, :3] = s * s * R @ run["velocity_covariance"][i][:3, :3] @ R.T
             run["keyframe_position"][i] = s * run["keyframe_position"][i]
             run["covariance"][i, :3] *= s
             run["covariance"][i, :, :3] *= s
@@ -226,7 +239,7 @@ def mean_or_nan(values):
     return float(known.mean()) if len(known) else float("nan")
 
 
-def judge_map(run, map_id, indices, own_error_m, per_second):
+def judge_map(run, map_id, indices, source, per_second):
     """Metrics of the poses `indices` of one map; fills in the run's columns of single frames."""
     p, q = run["position"][indices], run["truth_position"][indices]
     row = {"map": int(map_id), "poses": len(indices), "first_frame": int(run["frame"][indices[0]]),
@@ -235,6 +248,8 @@ def judge_map(run, map_id, indices, own_error_m, per_second):
            "path_m": float(np.linalg.norm(np.diff(q, axis=0), axis=1).sum())}
     metres = indices[run["metric"][indices]]
     row["metric_rmse_m"] = rigid_error(run["position"][metres], run["truth_position"][metres])  # also of a camera that stands
+    row.update(metric.judge(run, metres, upright(source), per_second))
+    own_error_m = truth_error_m(source)
     fit = similarity(p, q)
     if fit is None or not fit[0] > 0:  # nothing moved, or all poses are one point
         return row
@@ -265,8 +280,7 @@ def judge_map(run, map_id, indices, own_error_m, per_second):
     row["final_rmse_m"], row["final_scale"] = aligned_error(run["final"][final], run["truth_position"][final])
     final = final[run["metric"][final]]
     row["metric_final_rmse_m"] = rigid_error(run["final"][final], run["truth_position"][final])
-    own = similarity(run["position"][metres], run["truth_position"][metres]) if len(metres) >= 3 else None
-    row["metric_scale_percent"] = 100 * (1 / own[0] - 1) if own is not None and own[0] > 0 else float("nan")
+    row["metric_scale_percent"] = metric.scale_percent(run, metres)
     row["good_error"] = (row["rmse_m"] <= RMSE_SHARE * row["path_m"] + own_error_m
                          and row["max_m"] <= MAX_SHARE * row["path_m"] + own_error_m)
     row["good_scale"] = not row["scale_ratio"] > SCALE_RATIO
@@ -274,17 +288,18 @@ def judge_map(run, map_id, indices, own_error_m, per_second):
 
 
 def judge(run, source):
-    """Metrics of each map of a run with at least POSES_MIN poses; `run` gets the columns of single frames."""
+    """Metrics of each stay in a map with at least POSES_MIN poses; `run` gets the columns of single frames."""
     n = len(run["frame"])
-    for name, width in (("error_m", 0), ("sigma_m", 0), ("local_scale", 0), ("aligned", 3), ("keyframe_error", 3), ("apart_error", 4)):
+    for name, width in (("error_m", 0), ("sigma_m", 0), ("local_scale", 0), ("velocity_nees", 0), ("gravity_deg", 0), ("aligned", 3),
+                        ("keyframe_error", 3), ("apart_error", 4)):
         run[name] = np.full((n, width) if width else n, np.nan)
     one_unit(run)
     steps_ns = np.diff(run["stamp_ns"])
     per_second = max(int(round(1e9 / np.median(steps_ns))), 1) if n > 1 else 1
     posed = np.isin(run["state"], POSED) & (run["map"] >= 0) & run["has_truth"]
     rows = []
-    for map_id in np.unique(run["map"][posed]):
-        indices = np.flatnonzero(posed & (run["map"] == map_id))
+    for reset, map_id in sorted(set(zip(run["reset"][posed].tolist(), run["map"][posed].tolist()))):
+        indices = np.flatnonzero(posed & (run["map"] == map_id) & (run["reset"] == reset))
         if len(indices) >= POSES_MIN:
-            rows.append(judge_map(run, map_id, indices, truth_error_m(source), per_second))
+            rows.append({**judge_map(run, map_id, indices, source, per_second), "reset": reset})
     return rows

@@ -121,6 +121,10 @@ def read_run(folder):
         "quality": column("quality", np.float32), "inliers": column("inliers", np.int32),
         "position": column("position", float).reshape(n, 3), "R": turned("orientation"),
         "covariance": np.array([covariance(m["covariance"]) for m in poses]).reshape(n, 6, 6),
+        "velocity": column("velocity", float).reshape(n, 3),
+        "velocity_covariance": np.array([covariance(m["velocity_covariance"]) for m in poses]).reshape(n, 6, 6),
+        "gravity": column("gravity", float).reshape(n, 3), "gravity_sigma": column("gravity_sigma", float),
+        "scale_sigma": column("scale_sigma", float),
         "keyframe": column("reference_keyframe", np.int64), "keyframe_stamp_ns": column("keyframe_stamp_ns", np.int64),
         "keyframe_position": column("keyframe_position", float).reshape(n, 3), "keyframe_R": turned("keyframe_orientation"),
         "change_count": column("change_count", np.int32),
@@ -138,7 +142,7 @@ def frames_table(key, run):
     """What is kept of each frame, in metres of the truth's world."""
     table = {"run": [key] * len(run["frame"]), "i": np.arange(len(run["frame"]), dtype=np.int32)}
     for name in ("frame", "stamp_ns", "state", "map", "reset", "quality", "inliers", "keyframe", "digest", "error_m", "sigma_m",
-                 "local_scale"):
+                 "local_scale", "velocity_nees", "gravity_deg"):
         table[name] = run[name]
     for axis, letter in enumerate("xyz"):
         table[letter] = run["aligned"][:, axis]

@@ -12,6 +12,8 @@ import duckdb
 import pyarrow as pa
 import pyarrow.parquet
 
+import metric
+
 FLUSH_RUNS, FLUSH_S = 200, 10.0
 
 _text, _number, _whole, _truth = pa.string(), pa.float64(), pa.int64(), pa.bool_()
@@ -22,17 +24,17 @@ RUNS = pa.schema(
                                    "frames_tracking", "frames_weak", "frames_lost", "frames_paused", "frames_coasting")]
     + [("reverse", _truth)] + [(name, _number) for name in ("wall_s", "mean_ms", "p99_ms", "resident_mib")])
 MAPS = pa.schema(
-    [("run", _text), ("part", _text)] + [(name, _whole) for name in ("map", "poses", "first_frame", "last_frame", "weak")]
+    [("run", _text), ("part", _text)] + [(name, _whole) for name in ("map", "reset", "poses", "first_frame", "last_frame", "weak")]
     + [(name, _number) for name in ("path_m", "scale", "rmse_m", "max_m", "final_rmse_m", "final_scale", "metric_rmse_m", "metric_final_rmse_m",
-                                    "metric_scale_percent", "rpe_m", "rpe_deg", "scale_ratio",
-                                    "step_ratio",                                    "drift_percent_100m", "quality_first", "nees6_keyframe", "outside_keyframe", "nees6_apart",
+                                    "metric_scale_percent", *metric.NAMES, "rpe_m", "rpe_deg", "scale_ratio",
+                                    "step_ratio", "drift_percent_100m", "quality_first", "nees6_keyframe", "outside_keyframe", "nees6_apart",
                                     "outside_apart")]
     + [("good_error", _truth), ("good_scale", _truth)])
 FRAMES = pa.schema(
     [("run", _text), ("part", _text)] + [(name, pa.int32()) for name in ("i", "state", "map", "reset", "inliers")]
     + [(name, _whole) for name in ("frame", "stamp_ns", "keyframe", "digest")]
     + [(name, pa.float32()) for name in ("quality", "error_m", "sigma_m", "local_scale", "keyframe_error_m", "keyframe_error_deg",
-                                         "keyframe_nees", "apart_error_m", "apart_error_deg", "apart_nees", "apart_sigma_m")]
+                                         "keyframe_nees", "apart_error_m", "apart_error_deg", "apart_nees", "apart_sigma_m", "velocity_nees", "gravity_deg")]
     + [(name, _number) for name in ("x", "y", "z", "truth_x", "truth_y", "truth_z")])
 TABLES = {"runs": RUNS, "maps": MAPS, "frames": FRAMES}
 
