@@ -7,7 +7,14 @@
 
 static const int64_t gap_max_ns = 60000000;
 static const double way_max_s = 0.5;           /* between poses that measure a velocity */
-static const double acceleration_sigma = 0.05; /* of what gravity and biases leave, m/s^2 */
+static const double acceleration_sigma = 0.02; /* of what gravity and biases leave, m/s^2 */
+
+/* Of a change of velocity, an axis, by the noise of its samples. */
+static double sample_variance(const struct fv_preintegration *sum)
+{
+    const double *C = sum->covariance;
+    return (C[3 * 10] + C[4 * 10] + C[5 * 10]) / 3;
+}
 
 static void use(struct fv_inertial_live *live, const struct fv_imu_noise *noise,
                 const struct fv_imu_reading *sample)
@@ -98,7 +105,7 @@ static void follow(struct fv_inertial_live *live, const struct fv_se3 *T, double
         live->moving = true;
     }
     fv_inertial_live_predict(live, sum, gravity, &predicted, velocity);
-    live->variance += acceleration_sigma * acceleration_sigma * t * t;
+    live->variance += acceleration_sigma * acceleration_sigma * t * t + sample_variance(sum);
     const double gain = live->variance / (live->variance + noise);
     for (int i = 0; i < 3; i++)
         live->velocity[i] = velocity[i] + gain * (T->t[i] - predicted.t[i]) / t;

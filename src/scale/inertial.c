@@ -375,6 +375,13 @@ bool fv_inertial_stage_rate(const struct fv_inertial_stage *stage, int64_t stamp
     return turns_known(stage) || fv_norm3(rate) > gyro_bias_most;
 }
 
+/* Of a velocity, in the mean of the axes: all ways are off by what the scale is. */
+static double scale_variance(const struct fv_inertial_stage_state *s, const double velocity[3])
+{
+    const double sigma = s->known.scale_sigma;
+    return sigma * sigma * fv_dot3(velocity, velocity) / 3;
+}
+
 /* Velocity and rate of the camera for those who publish them. */
 static void write_moving(struct fv_inertial_stage *stage, const struct fv_se3 *T_world_imu,
                          const double velocity[3])
@@ -388,7 +395,7 @@ static void write_moving(struct fv_inertial_stage *stage, const struct fv_se3 *T
     fv_rotate3(T_world_imu->R, turned, added);
     fv_subtract3(velocity, added, s->known.velocity);
     fv_rotate3(config->T_cam_imu.R, rate, s->known.rate);
-    s->known.velocity_sigma = __builtin_sqrt(s->live.variance);
+    s->known.velocity_sigma = __builtin_sqrt(s->live.variance + scale_variance(s, velocity));
     s->known.rate_sigma = __builtin_sqrt(stage->estimator.state->noise.gyro *
                                              (stage->imu.rate_hz > 0 ? stage->imu.rate_hz : 200) +
                                          s->known.bias_covariance[0]);

@@ -67,6 +67,26 @@ static void test_velocity_is_filtered(void **state)
     assert_true(live.variance > 1e-6 && live.variance < 0.03 * 0.03);
 }
 
+/* Of noisy samples the velocity follows less sure. */
+static void test_noise_of_samples_is_in_the_velocity(void **state)
+{
+    (void)state;
+    static const struct fv_imu_noise shaken = {3e-8, 4e-4};
+    struct fv_inertial_live live;
+    struct fv_preintegration sum;
+    struct fv_se3 T;
+    double variance[2];
+    for (int i = 0; i < 2; i++) {
+        run(&live, 60);
+        fv_se3_identity(&T);
+        fv_preintegration_begin(&sum, &none);
+        fv_preintegration_step(&sum, i == 0 ? &noise : &shaken, none.gyro, none.acceleration, 0.1);
+        fv_inertial_live_pose(&live, 3100000000, &T, 1, &sum, gravity, &none);
+        variance[i] = live.variance;
+    }
+    assert_true(fabs(variance[1] - variance[0] - (4e-4 - 4e-6) * 0.1) < 2e-6);
+}
+
 static void test_poses_are_predicted(void **state)
 {
     (void)state;
@@ -123,6 +143,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_velocity_is_filtered),
+        cmocka_unit_test(test_noise_of_samples_is_in_the_velocity),
         cmocka_unit_test(test_poses_are_predicted),
         cmocka_unit_test(test_samples_that_lack_end_it),
         cmocka_unit_test(test_samples_ahead_wait),
