@@ -17,6 +17,52 @@ static enum fovea_status read_offset(const struct fv_yaml_tree *tree, struct fov
     return fv_yaml_integer(tree, node, -most_ns, most_ns, &imu->time_offset_ns, error);
 }
 
+/* Each number may be so far from that of the identity, and a constant from 0: what sensors are off
+ * by is less, and rows in other units or of another matrix are farther. */
+static const double correction_max = 0.2;
+
+static bool is_near_identity(const double rows[12], double constant_max)
+{
+    for (int i = 0; i < 12; i++) {
+        const int row = i / 4, column = i % 4;
+        const double most = column == 3 ? constant_max : correction_max;
+        if (!(__builtin_fabs(rows[i] - (row == column ? 1 : 0)) <= most)) return false;
+    }
+    return true;
+}
+
+/* Rows of three numbers, or of three and a constant; where the key is not there, `rows` stay. */
+static enum fovea_status read_correction(const struct fv_yaml_tree *tree, const char *key,
+                                         double constant_max, const char *expected, double rows[12],
+                                         struct fovea_error *error)
+{
+    const struct fv_yaml_node *node = fv_yaml_child(tree->root, key);
+    double values[12], found[12] = {0};
+    size_t count;
+    if (node == NULL) return FOVEA_OK;
+    const enum fovea_status status = fv_yaml_numbers(tree, node, 9, 12, values, &count, error);
+    if (status != FOVEA_OK) return status;
+    for (size_t r = 0; r < 3; r++)
+        memcpy(found + 4 * r, values + count / 3 * r, count / 3 * sizeof *values);
+    if (count % 3 != 0 || !is_near_identity(found, constant_max))
+        return fv_yaml_refuse(tree, node, expected, error);
+    memcpy(rows, found, sizeof found);
+    return FOVEA_OK;
+}
+
+/* Likewise of no other program's files. */
+static enum fovea_status read_corrections(const struct fv_yaml_tree *tree,
+                                          struct fovea_rig_imu *imu, struct fovea_error *error)
+{
+#define ROWS "3 rows of 3 numbers that are within .2 of the identity's, or of 4, the last at most "
+    const enum fovea_status status =
+        read_correction(tree, "gyro_correction", 1, ROWS "1 rad/s", imu->gyro_correction, error);
+    if (status != FOVEA_OK) return status;
+    return read_correction(tree, "acceleration_correction", 5, ROWS "5 m/s^2",
+                           imu->acceleration_correction, error);
+#undef ROWS
+}
+
 static enum fovea_status read_sensor(const struct fv_yaml_tree *tree, struct fovea_rig_imu *imu,
                                      struct fovea_error *error)
 {
@@ -38,6 +84,7 @@ static enum fovea_status read_sensor(const struct fv_yaml_tree *tree, struct fov
         if (status == FOVEA_OK) status = fv_yaml_number(tree, node, 0, 1e6, rows[i].value, error);
     }
     if (status == FOVEA_OK) status = read_offset(tree, imu, error);
+    if (status == FOVEA_OK) status = read_corrections(tree, imu, error);
     if (status != FOVEA_OK) return status;
     if (!fv_calibration_is_rotation(T) || T[12] != 0 || T[13] != 0 || T[14] != 0 || T[15] != 1)
         return fv_yaml_refuse(

@@ -6,8 +6,8 @@
 #include "fovea/status.h"
 #include "samples.h"
 
-/* Place (T_BS), rate and noise densities; the time offset where `time_offset_ns` states it.
- * Init-only. */
+/* Place (T_BS), rate and noise densities; the time offset where `time_offset_ns` states it, scale
+ * and misalignment where `gyro_correction` and `acceleration_correction` do. Init-only. */
 enum fovea_status fv_euroc_imu_sensor(const char *path, struct fovea_rig_imu *imu,
                                       struct fovea_error *error);
 /* The samples, whose stamps must rise; errors name the line. Init-only. */

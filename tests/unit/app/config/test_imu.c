@@ -14,6 +14,7 @@
 #include "app/config/setup.h"
 #include "common/datasets.h"
 #include "common/fake_iio.h"
+#include "inertial/reading.h"
 
 static struct fv_settings settings;
 static struct fovea_error error;
@@ -46,6 +47,14 @@ static void set(const char *key, const char *value)
     snprintf(text, sizeof text, "%s=%s", key, value);
     if (value[0] != '\0' && fv_settings_set(&settings, text, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
+}
+
+/* A file that is right, and these keys from line 8 on. */
+static void write_with(const char *keys)
+{
+    char text[1024];
+    snprintf(text, sizeof text, "%s%s", T_BS "rate_hz: 250\n" NOISES, keys);
+    fv_test_write_text(file, text);
 }
 
 /* What a source with one camera says. */
@@ -83,6 +92,37 @@ static void the_rig_gets_what_the_file_states(void **state)
     assert_int_equal(join("", "", false, &iio), FOVEA_OK);
     assert_false(rig->has_imu);
     assert_int_equal(join("", "", true, &iio), FOVEA_OK); /* the source's own */
+}
+
+/* Samples of a gyro that shows 1 % too much and has an axis askew, and of an accelerometer with a
+ * constant beside its scale, are the true ones by what the file states of them. */
+static void samples_are_as_the_file_corrects_them(void **state)
+{
+    static const char keys[] =
+        "gyro_correction: [[0.99009900990099009, 0, 0], [0, 0.99009900990099009, 0],\n"
+        "  [-0.019801980198019802, 0, 0.99009900990099009]]\n"
+        "acceleration_correction: [0.98, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, -0.25]\n";
+    static const struct fovea_imu_sample right = {7, {0.5, -0.25, 2}, {9.5, 1, -3}};
+    struct fovea_imu_sample shown = right;
+    struct fv_imu_reading read, expected;
+    struct fv_iio *iio;
+    (void)state;
+    const struct fovea_rig_imu *imu = &settings.runtime.rig.imu;
+    for (int i = 0; i < 3; i++)
+        shown.gyro[i] = 1.01 * right.gyro[i];
+    shown.gyro[2] += 0.02 * 1.01 * right.gyro[0];
+    shown.acceleration[0] = (right.acceleration[0] - 0.5) / 0.98;
+    shown.acceleration[2] = right.acceleration[2] + 0.25;
+    if (join("lcm:IMU", file, false, &iio) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_true(fv_imu_read(imu, &right, &expected));
+    assert_memory_equal(expected.gyro, right.gyro, sizeof right.gyro); /* none is stated */
+    write_with(keys);
+    if (join("lcm:IMU", file, false, &iio) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_true(fv_imu_read(imu, &shown, &read));
+    for (int i = 0; i < 3; i++) {
+        assert_float_equal(read.gyro[i], right.gyro[i], 1e-12);
+        assert_float_equal(read.acceleration[i], right.acceleration[i], 1e-12);
+    }
 }
 
 /* A device states its rate and its ranges, which the file does not know. */
@@ -177,6 +217,39 @@ static void wrong_files_are_refused(void **state)
     }
 }
 
+static void wrong_corrections_are_refused(void **state)
+{
+#define NEAR "expected 3 rows of 3 numbers that are within .2 of the identity's"
+    static const char *const wrong[][2] = {
+        {"gyro_correction: 1", "gyro_correction: found '1', expected a list of 9 to 12 numbers"},
+        {"gyro_correction: [1, 0, 0, 0, 1, 0, 0, 0]",
+         "gyro_correction: found a list of 8, expected a list of 9 to 12 numbers"},
+        {"gyro_correction: [1, 0, 0, 0, 1, 0, 0, 0, 1, 0]",
+         "gyro_correction: found a list of 10, " NEAR},
+        {"gyro_correction: [1, 0, 0, 0, 1, 0, 0, 0, .nan]",
+         "gyro_correction[8]: found '.nan', expected a finite number"},
+        {"gyro_correction: [1, 0, 0, 0, 1, 0, 0, 0, inf]",
+         "gyro_correction[8]: found 'inf', expected a finite number"},
+        {"gyro_correction: [0, 0, 0, 0, 0, 0, 0, 0, 0]",
+         "gyro_correction: found a list of 9, " NEAR},
+        {"gyro_correction: [1, 0, 0, 0.25, 1, 0, 0, 0, 1]",
+         "gyro_correction: found a list of 9, " NEAR},
+        {"gyro_correction: [1, 0, 0, 0, 0, 1, 0, 1.5, 0, 0, 1, 0]",
+         "gyro_correction: found a list of 12, " NEAR ", or of 4, the last at most 1 rad/s"},
+        {"acceleration_correction: [1, 0, 0, 0, 57.3, 0, 0, 0, 1]",
+         "acceleration_correction: found a list of 9, " NEAR},
+        {"acceleration_correction: [1, 0, 0, 9.8, 0, 1, 0, 0, 0, 0, 1, 0]",
+         "acceleration_correction: found a list of 12, " NEAR
+         ", or of 4, the last at most 5 m/s^2"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        write_with(wrong[i][0]);
+        expect_refused("lcm:IMU", file, false, wrong[i][1]);
+        assert_non_null(strstr(error.text, "imu.yaml:8: "));
+    }
+}
+
 /* Where the keys stand in a file, its line is named. */
 static void the_line_of_the_key_is_named(void **state)
 {
@@ -203,10 +276,12 @@ int main(void)
 #define WITH_FILE(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
     const struct CMUnitTest tests[] = {
         WITH_FILE(the_rig_gets_what_the_file_states),
+        WITH_FILE(samples_are_as_the_file_corrects_them),
         WITH_FILE(a_device_states_its_rate_and_ranges),
         WITH_FILE(what_cannot_be_is_refused),
         WITH_FILE(lcm_must_be_heard),
         WITH_FILE(wrong_files_are_refused),
+        WITH_FILE(wrong_corrections_are_refused),
         WITH_FILE(the_line_of_the_key_is_named),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
