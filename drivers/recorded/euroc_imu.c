@@ -1,6 +1,7 @@
 #include "euroc_imu.h"
 
 #include <string.h>
+#include <strings.h>
 
 #include "lines.h"
 #include "support/calibration.h"
@@ -106,26 +107,39 @@ enum fovea_status fv_euroc_imu_sensor(const char *path, struct fovea_rig_imu *im
     return status;
 }
 
+/* What programs print of a number that is none, or too large: nan, inf, infinity. */
+static bool is_not_finite(const char *text, double *value)
+{
+    const bool negative = *text == '-';
+    if (negative || *text == '+') text++;
+    if (strcasecmp(text, "nan") == 0)
+        *value = __builtin_nan("");
+    else if (strcasecmp(text, "inf") == 0 || strcasecmp(text, "infinity") == 0)
+        *value = negative ? -__builtin_inf() : __builtin_inf();
+    else
+        return false;
+    return true;
+}
+
 /* "stamp_ns,wx,wy,wz,ax,ay,az" in rad/s and m/s^2. */
-static enum fovea_status read_sample(const struct fv_lines *lines, const struct fv_samples *samples,
-                                     struct fovea_sample *sample, struct fovea_error *error)
+static enum fovea_status read_sample(const struct fv_lines *lines, struct fovea_sample *sample,
+                                     struct fovea_error *error)
 {
     enum { FIELDS = 7 };
     double values[FIELDS - 1];
     int64_t stamp_ns;
     if (!fv_text_integer(lines->fields[0], &stamp_ns))
         return fv_lines_refuse(lines, "timestamp", lines->fields[0], "whole nanoseconds", error);
-    if (samples->count > 0 && stamp_ns <= samples->list[samples->count - 1].imu.stamp_ns)
-        return fv_lines_refuse(lines, "timestamp", lines->fields[0], "one after the line before",
-                               error);
     if (lines->field_count != FIELDS)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s:%u: angular rate and acceleration: found %zu numbers, expected %d", lines->file,
             lines->line, lines->field_count - 1, FIELDS - 1);
-    const enum fovea_status status =
-        fv_lines_numbers(lines, "angular rate and acceleration", 1, FIELDS - 1, values, error);
-    if (status != FOVEA_OK) return status;
+    for (size_t i = 1; i < FIELDS; i++)
+        if (!fv_text_number(lines->fields[i], &values[i - 1]) &&
+            !is_not_finite(lines->fields[i], &values[i - 1]))
+            return fv_lines_refuse(lines, "angular rate and acceleration", lines->fields[i],
+                                   "a number", error);
     *sample = (struct fovea_sample){.kind = FOVEA_SAMPLE_IMU, .imu.stamp_ns = stamp_ns};
     memcpy(sample->imu.gyro, values, sizeof sample->imu.gyro);
     memcpy(sample->imu.acceleration, values + 3, sizeof sample->imu.acceleration);
@@ -140,7 +154,7 @@ enum fovea_status fv_euroc_imu_samples(const char *path, struct fv_samples *samp
     enum fovea_status status = fv_lines_open(&lines, path, error);
     if (status != FOVEA_OK) return status;
     while ((status = fv_lines_next(&lines, ",", error)) == FOVEA_OK) {
-        status = read_sample(&lines, samples, &sample, error);
+        status = read_sample(&lines, &sample, error);
         if (status == FOVEA_OK) status = fv_samples_add(samples, &sample, path, error);
         if (status != FOVEA_OK) break;
     }

@@ -10,7 +10,9 @@
  * and misalignment where `gyro_correction` and `acceleration_correction` do. Init-only. */
 enum fovea_status fv_euroc_imu_sensor(const char *path, struct fovea_rig_imu *imu,
                                       struct fovea_error *error);
-/* The samples, whose stamps must rise; errors name the line. Init-only. */
+/* The samples as they stand in the file, also those that repeat a stamp, are out of order or not
+ * finite: the runtime judges them (inertial/gate.h). What is no sample is refused with its line.
+ * Init-only. */
 enum fovea_status fv_euroc_imu_samples(const char *path, struct fv_samples *samples,
                                        struct fovea_error *error);
 

@@ -10,6 +10,7 @@
 #include "../slot_ring.h"
 #include "../table.h"
 #include "../thread.h"
+#include "due.h"
 
 enum {
     COMPLAINTS_BYTES = 32768, /* some 300 lines */
@@ -46,8 +47,8 @@ struct fovea_source {
     uint32_t held_count, held_max;
     struct fovea_source_counts counts;
     bool seen_end;
-    bool sensed;        /* samples were asked for */
-    size_t next_sample; /* of the recording's */
+    bool sensed; /* samples were asked for */
+    struct fv_due due;
 
     /* Between the reader and whoever asks for complaints; never the loop. */
     struct complaints {
@@ -257,12 +258,11 @@ static enum fovea_status set_order(struct fovea_source *source, uint64_t count, 
  * that; a recording that just holds some says so. */
 static void note_samples(struct fovea_source *source)
 {
-    size_t count = 0;
     struct fovea_error left_out;
     if (source->ops->samples == NULL) return;
-    const struct fovea_sample *list = source->ops->samples(source->recording, &count);
+    const size_t count = source->due.count;
     for (size_t i = 0; i < count && !source->reverse; i++)
-        source->info.sample_kinds |= 1u << list[i].kind;
+        source->info.sample_kinds |= 1u << source->due.list[i].kind;
     if (!source->reverse) return;
     source->info.rig.has_imu = false;
     memset(&source->info.rig.imu, 0, sizeof source->info.rig.imu);
@@ -273,19 +273,24 @@ static void note_samples(struct fovea_source *source)
     if (count > 0) complain(&source->complaints, &left_out);
 }
 
+static enum fovea_status order_samples(struct fovea_source *source, struct fovea_error *error)
+{
+    size_t count = 0;
+    if (source->ops->samples == NULL) return FOVEA_OK;
+    const struct fovea_sample *list = source->ops->samples(source->recording, &count);
+    return fv_due_open(&source->due, list, count, source->origin, error);
+}
+
 /* What cannot be taken with the frames would lag behind them without end. A gap between frames
  * alone is caught up with. */
 static enum fovea_status check_samples(const struct fovea_source *source, uint64_t count,
                                        const struct fovea_source_selection *selection,
                                        struct fovea_error *error)
 {
-    size_t samples = 0;
-    if (source->ops->samples == NULL || source->reverse || source->count < 2) return FOVEA_OK;
-    const struct fovea_sample *list = source->ops->samples(source->recording, &samples);
-    if (samples < 2) return FOVEA_OK;
+    const size_t samples = source->due.count;
+    if (source->reverse || source->count < 2 || samples < 2) return FOVEA_OK;
     const double seconds =
-        ((double)fovea_sample_stamp(&list[samples - 1]) - (double)fovea_sample_stamp(&list[0])) *
-        1e-9;
+        ((double)fv_due_at(&source->due, samples - 1) - (double)fv_due_at(&source->due, 0)) * 1e-9;
     const double frames_hz =
         fv_player_rate(source->ops, source->recording, count) / (double)selection->step;
     if ((double)(samples - 1) <= seconds * frames_hz * FOVEA_INPUT_SAMPLES_MAX || frames_hz <= 0)
@@ -390,6 +395,7 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
     if (made->origin == NULL)
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", origin);
     if (status == FOVEA_OK) status = set_order(made, count, origin, selection, error);
+    if (status == FOVEA_OK) status = order_samples(made, error);
     if (status == FOVEA_OK) status = check_samples(made, count, selection, error);
     if (status == FOVEA_OK) note_samples(made);
     if (status == FOVEA_OK) status = make_slots(made, image_bytes, error);
@@ -404,6 +410,7 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
 void fv_player_close(struct fovea_source *source)
 {
     fv_player_stop(source);
+    fv_due_close(&source->due);
     source->ops->close(source->recording);
     pthread_mutex_destroy(&source->complaints.lock);
     pthread_cond_destroy(&source->complaints.room);
@@ -524,37 +531,17 @@ enum fovea_status fv_player_truth_pose(struct fovea_source *source, const struct
     return FOVEA_OK;
 }
 
-/* The first sample that is later than `after_ns`. */
-static size_t sample_after(const struct fovea_sample *list, size_t count, int64_t after_ns)
-{
-    size_t low = 0, high = count;
-    while (low < high) {
-        const size_t middle = low + (high - low) / 2;
-        if (fovea_sample_stamp(&list[middle]) > after_ns)
-            high = middle;
-        else
-            low = middle + 1;
-    }
-    return low;
-}
-
 uint32_t fv_player_samples(struct fovea_source *source, const struct fovea_frame *frame,
                            struct fovea_sample *samples, uint32_t count_max)
 {
     const double rate_hz = source->info.rate_hz;
     const int64_t period_ns = rate_hz > 0.1 ? (int64_t)(1e9 / rate_hz) : INT64_C(1000000000);
-    size_t count = 0;
-    uint32_t taken = 0;
-    if (source->info.sample_kinds == 0) return 0;
-    const struct fovea_sample *list = source->ops->samples(source->recording, &count);
     int64_t from_ns;
+    if (source->info.sample_kinds == 0) return 0;
     if (__builtin_sub_overflow(frame->stamp_ns, period_ns, &from_ns)) from_ns = INT64_MIN;
-    if (!source->sensed) source->next_sample = sample_after(list, count, from_ns);
+    if (!source->sensed) fv_due_start_after(&source->due, from_ns);
     source->sensed = true;
-    while (taken < count_max && source->next_sample < count &&
-           fovea_sample_stamp(&list[source->next_sample]) <= frame->stamp_ns)
-        samples[taken++] = list[source->next_sample++];
-    return taken;
+    return fv_due_take(&source->due, frame->stamp_ns, samples, count_max);
 }
 
 void fv_player_counts(const struct fovea_source *source, struct fovea_source_counts *counts)

@@ -44,8 +44,8 @@ struct fv_recording_ops {
     /* Loop thread, no heap; NULL where there is none. */
     enum fovea_status (*truth)(const void *recording, const struct fovea_frame *frame,
                                struct fovea_truth *truth);
-    /* All samples of its sensors in the order of their stamps, in memory of the recording; NULL: it
-     * has none. */
+    /* All samples of its sensors in the order in which they came, in memory of the recording; a
+     * stamp may be out of order (recorded/due.h). NULL: it has none. */
     const struct fovea_sample *(*samples)(const void *recording, size_t *count);
     void (*close)(void *recording);
     /* As fovea_source_ops.reads; NULL: no files. */

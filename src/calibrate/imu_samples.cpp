@@ -29,13 +29,27 @@ bool is_file(const std::string &path)
     return stat(path.c_str(), &about) == 0 && S_ISREG(about.st_mode);
 }
 
+/* A log to find noise in is whole: samples that are repeated or late leave it open what is. */
+fovea_status append_rising(const std::string &path, const fovea_imu_sample &sample,
+                           std::vector<fovea_imu_sample> &samples, fovea_error *error)
+{
+    if (!samples.empty() && sample.stamp_ns <= samples.back().stamp_ns)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%.300s: timestamp: found %lld, expected one after the sample before, of %lld",
+            path.c_str(), (long long)sample.stamp_ns, (long long)samples.back().stamp_ns);
+    samples.push_back(sample);
+    return FOVEA_OK;
+}
+
 fovea_status read_file(const std::string &path, std::vector<fovea_imu_sample> &samples,
                        fovea_error *error)
 {
     fv_samples list = {};
-    const fovea_status status = fv_euroc_imu_samples(path.c_str(), &list, error);
+    fovea_status status = fv_euroc_imu_samples(path.c_str(), &list, error);
     for (size_t i = 0; status == FOVEA_OK && i < list.count; i++)
-        samples.push_back(list.list[i].imu);
+        if (is_finite(list.list[i].imu))
+            status = append_rising(path, list.list[i].imu, samples, error);
     fv_samples_free(&list);
     return status;
 }
