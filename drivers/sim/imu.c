@@ -10,7 +10,6 @@
  * begin at values drawn from the seed and walk on; an axis reports its range at most. A sample
  * stands for what is at its stamp plus the time offset. */
 
-static const double gravity_m_s2 = 9.80665;
 static const double carried_off_m_s = 20.0;
 static const double half_step_s = 1e-3; /* of the velocity's difference quotient */
 
@@ -77,7 +76,8 @@ static void turn_back(const double q[4], double v[3])
 static void ideal(const struct fovea_source *source, double end_s, double step_s,
                   struct fovea_imu_sample *sample)
 {
-    double a[12], b[12], R[9], t[3], q[4], v0[3], v1[3], force[3] = {0, 0, gravity_m_s2};
+    double a[12], b[12], R[9], t[3], q[4], v0[3], v1[3],
+        force[3] = {0, 0, source->options.gravity_m_s2};
     double moved2 = 0;
     pose(source, end_s - step_s, a);
     pose(source, end_s, b);

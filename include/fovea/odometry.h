@@ -82,6 +82,8 @@ struct fovea_odometry_config {
     /* [1, 100], default 2: how many times larger the noise of the inertial sensor is at least than
      * the rig says; more where its samples show that it is shaken */
     double imu_noise_factor;
+    /* [9.7, 9.9], default 9.80665: how strong gravity is where the robot is, m/s^2 */
+    double gravity_m_s2;
     /* [8, 256], default 128: keyframes of the map; memory about 46 kB each at 1000 features */
     uint32_t keyframes;
     /* [1000, 20000], default 16000: landmarks of the map; memory about 120 B each */

@@ -36,7 +36,7 @@ static void fill_inertial(const struct fovea *rt, struct fv_message_pose *messag
         message->gravity_sigma = known->gravity_sigma;
     } else if (fv_odometry_gravity(&rt->odometry, &kept)) { /* the map that was entered has it */
         for (int i = 0; i < 3; i++)
-            gravity[i] = FV_INERTIAL_GRAVITY * kept.down[i];
+            gravity[i] = rt->config.odometry.gravity_m_s2 * kept.down[i];
         fv_publish_turn(&rt->publish, gravity, message->gravity);
         message->gravity_sigma = kept.sigma;
     }

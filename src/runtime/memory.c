@@ -168,7 +168,7 @@ static void carve(struct fovea *rt, struct fv_carving *carving)
         rt->inertial.enabled = false;
         if (fv_config_inertial(config)) {
             fv_inertial_stage_carve(&rt->inertial, &config->rig, config->odometry.imu_noise_factor,
-                                    &arenas[PERSISTENT]);
+                                    config->odometry.gravity_m_s2, &arenas[PERSISTENT]);
             rt->sense = fv_arena_take(&arenas[FRAME], 1, sizeof *rt->sense);
         }
         rt->placed = NULL;

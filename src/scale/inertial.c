@@ -41,14 +41,14 @@ static double square_of(double stated, double otherwise, double factor)
 }
 
 void fv_inertial_stage_carve(struct fv_inertial_stage *stage, const struct fovea_rig *rig,
-                             double noise_factor, struct fv_arena *persistent)
+                             double noise_factor, double gravity_m_s2, struct fv_arena *persistent)
 {
     const struct fovea_rig_imu *imu = &rig->imu;
     struct fv_inertial_config config = {
         .noise = {square_of(imu->gyro_noise, gyro_noise, noise_factor),
                   square_of(imu->acceleration_noise, acceleration_noise, noise_factor)},
         .acceleration_walk = square_of(imu->acceleration_walk, acceleration_walk, 1),
-        .gravity = FV_INERTIAL_GRAVITY};
+        .gravity = gravity_m_s2};
     struct fv_se3 T_body_cam, T_body_imu;
     memset(stage, 0, sizeof *stage);
     stage->enabled = true;

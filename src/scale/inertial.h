@@ -47,7 +47,6 @@ extern "C" {
 
 /* Estimates that must agree before the scale is claimed. */
 enum { FV_INERTIAL_AGREEING = 4 };
-#define FV_INERTIAL_GRAVITY 9.80665 /* m/s^2 */
 
 /* What is known, in the axes of `world`. */
 struct fv_inertial_known {
@@ -110,7 +109,7 @@ struct fv_inertial_stage {
 
 /* `noise_factor`: how many times larger the sensor's noise is than its data sheet says. */
 void fv_inertial_stage_carve(struct fv_inertial_stage *stage, const struct fovea_rig *rig,
-                             double noise_factor, struct fv_arena *persistent);
+                             double noise_factor, double gravity_m_s2, struct fv_arena *persistent);
 void fv_inertial_stage_init(struct fv_inertial_stage *stage);
 
 /* What the gate let through in this step. */

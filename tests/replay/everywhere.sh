@@ -52,10 +52,11 @@ record_loop() {
 # A short way with each further method of features, past the first map, one with two cameras and one with an IMU beside them.
 methods="orb harris shi_tomasi stereo inertial"
 record_method() {
-    method=$1 rig=
+    method=$1 rig= settings=
     [ "$1" = stereo ] && method=fast rig='&camera2=0.1,0,0,0,-4,3'
-    [ "$1" = inertial ] && method=fast rig='&baseline=0.1&imu=200'
-    build/fovea run --source "sim:orbit?seed=3&width=320&height=240$rig" --frames 40 --record "$folder/$1.lcm" --picture none \
+    [ "$1" = inertial ] && method=fast rig='&baseline=0.1&imu=200&gravity=9.78' settings='--set odometry.gravity_m_s2=9.78'
+    # shellcheck disable=SC2086 # several words or none
+    build/fovea run --source "sim:orbit?seed=3&width=320&height=240$rig" --frames 40 $settings --record "$folder/$1.lcm" --picture none \
         --set features.method="$method" --set preview.period_frames=0 --set lcm_url= | grep 'posed [1-9]'
 }
 replay_methods() { # replay_methods COMMAND...

@@ -114,6 +114,48 @@ static void metres_and_gravity_come_in_one_change(void **state)
     sim_rig_close(&rig);
 }
 
+/* How far the accelerometer's bias is estimated off the vertical's true one, m/s^2, at the end of a
+ * run under a gravity of 9.9 m/s^2; metres and gravity are checked. */
+static double bias_under(double gravity_m_s2)
+{
+    double up[3], R[9], bias = 0;
+    sim_rig_open(&rig,
+                 "sim:orbit?width=400&height=300&rate=20&imu=200&imu_noise=.5&gravity=9.9&seed=2",
+                 0, 160);
+    dark = NULL;
+    rig.config.rig = rig.ops->info(rig.source)->rig;
+    rig.config.odometry.gravity_m_s2 = gravity_m_s2;
+    sim_rig_build(&rig);
+    while (next(true))
+        sim_body_take(&rig, &body);
+    assert_int_equal(body.scale_source, FOVEA_POSE_T_SOURCE_INERTIAL);
+    double size = 0;
+    for (int i = 0; i < 3; i++)
+        size += body.gravity[i] * body.gravity[i];
+    assert_true(fabs(sqrt(size) - gravity_m_s2) < 1e-9);
+    const double way = sim_rig_moved(rig.pose[100].T_world_cam, rig.pose[159].T_world_cam) /
+                       sim_rig_moved(rig.truth[100], rig.truth[159]);
+    if (gravity_m_s2 == 9.9) assert_true(fabs(way - 1) < 3 * body.scale_sigma + 0.01);
+    /* the sensor stands as the body does */
+    fv_so3_from_quaternion(body.orientation, R);
+    for (int i = 0; i < 3; i++)
+        up[i] = -body.gravity[i] / gravity_m_s2;
+    for (int i = 0; i < 3; i++)
+        bias += body.acceleration_bias[i] * (R[i] * up[0] + R[3 + i] * up[1] + R[6 + i] * up[2]);
+    sim_rig_close(&rig);
+    return bias;
+}
+
+/* A gravity that is stated wrong by .2 m/s^2 is taken for a bias. */
+static void gravity_is_as_strong_as_stated(void **state)
+{
+    (void)state;
+    const double right = bias_under(9.9), wrong = bias_under(9.7);
+    print_message("bias upwards %.4f m/s^2, by a wrong gravity %.4f\n", right, wrong);
+    assert_true(fabs(right) < 0.05);
+    assert_true(wrong > 0.15 && wrong < 0.25);
+}
+
 /* Second difference of three positions, in the axes of the last pose. */
 static void bend(const struct fv_se3 T[3], double own[3])
 {
@@ -530,6 +572,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(metres_and_gravity_come_in_one_change),
+        cmocka_unit_test(gravity_is_as_strong_as_stated),
         cmocka_unit_test(stations_err_by_what_they_say),
         cmocka_unit_test(estimates_end_on_a_slow_board),
         cmocka_unit_test(gravity_is_as_sure_as_it_says),

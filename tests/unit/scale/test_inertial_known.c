@@ -38,7 +38,7 @@ static int set_up(void **state)
     fv_se3_to_rows(&(struct fv_se3){.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}}, rig.imu.T_body_imu);
     memcpy(rig.cameras[0].T_body_cam, rig.imu.T_body_imu, sizeof rig.imu.T_body_imu);
     fv_arena_init(&arena, block, sizeof block);
-    fv_inertial_stage_carve(&stage, &rig, 2, &arena);
+    fv_inertial_stage_carve(&stage, &rig, 2, 9.80665, &arena);
     assert_false(arena.exhausted);
     fv_inertial_stage_init(&stage);
     struct fv_inertial_estimate *e = &stage.estimator.state->estimate;
