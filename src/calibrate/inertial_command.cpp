@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "calibrate/command.h"
+#include "calibrate/inertial_problem.h"
 #include "drivers/table.h"
 #include "support/text.h"
 extern "C" {
@@ -39,7 +40,27 @@ int no_densities(const std::string &source)
                         source.c_str());
 }
 
+/* Rows of a matrix and a constant; all 0: none is stated. */
+void correct(const double rows[12], double range, double values[3])
+{
+    const Eigen::Map<const Eigen::Matrix<double, 3, 4, Eigen::RowMajor>> M(rows);
+    Eigen::Map<Eigen::Vector3d> measured(values);
+    if (M.isZero(0) || is_saturated(values, range)) return;
+    measured = (M.leftCols<3>() * measured + M.col(3)).eval();
+}
+
 } // namespace
+
+std::vector<fovea_imu_sample> corrected_samples(const std::vector<fovea_imu_sample> &samples,
+                                                const fovea_rig_imu &imu)
+{
+    std::vector<fovea_imu_sample> corrected = samples;
+    for (fovea_imu_sample &sample : corrected) {
+        correct(imu.gyro_correction, imu.gyro_range, sample.gyro);
+        correct(imu.acceleration_correction, imu.acceleration_range, sample.acceleration);
+    }
+    return corrected;
+}
 
 int check_inertial(const InertialGiven &given, const std::vector<std::string> &sources)
 {
@@ -105,7 +126,7 @@ void place_inertial(const Moving &moving, RigReport &report)
     InertialInput input;
     std::string error;
     input.board = report.board;
-    input.samples = moving.samples;
+    input.samples = corrected_samples(moving.samples, inertial.imu);
     input.imu = inertial.imu;
     for (size_t k = 0; k < report.solution.cameras.size(); k++) {
         const RigCamera &found = report.solution.cameras[k];

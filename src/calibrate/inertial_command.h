@@ -25,6 +25,11 @@ int collect_inertial(const InertialGiven &given, const std::string &source, cons
                      int views_max, Moving &moving, std::vector<Collection> &collections,
                      Inertial &inertial);
 
+/* Samples as the sensor's file corrects them (gyro_correction, acceleration_correction). Those at
+ * the end of a range stay as they came, so that they still show as that. */
+std::vector<fovea_imu_sample> corrected_samples(const std::vector<fovea_imu_sample> &samples,
+                                                const fovea_rig_imu &imu);
+
 /* Place the sensor before the cameras that the report has found, and judge it. */
 void place_inertial(const Moving &moving, RigReport &report);
 

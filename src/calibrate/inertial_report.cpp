@@ -1,5 +1,6 @@
 #include "calibrate/inertial_report.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -25,6 +26,16 @@ double offset_s(const InertialSolution &solution)
 std::string row(const std::string &what, double value, double stdev, const char *shown = "%.3f")
 {
     return value_row(what, "imu", value, stdev, shown);
+}
+
+/* As it was stated, since place and time hold for samples that are corrected so. */
+std::string correction_line(const char *key, const double rows[12])
+{
+    if (std::all_of(rows, rows + 12, [](double value) { return value == 0; })) return "";
+    std::string text = std::string(key) + ": [";
+    for (int i = 0; i < 12; i++)
+        text += formatted(i == 0 ? "%.17g" : ", %.17g", rows[i]);
+    return text + "]\n";
 }
 
 } // namespace
@@ -130,13 +141,16 @@ std::string inertial_file(const Inertial &inertial, Grade grade, const std::stri
     for (const double value : T)
         text += formatted("%.17g, ", value);
     const fovea_rig_imu &imu = inertial.imu;
-    return text + formatted("0.0, 0.0, 0.0, 1.0]\nrate_hz: %.9g\n"
-                            "# added to the stamp of a sample it gives the time of the cameras\n"
-                            "time_offset_ns: %.0f\n"
-                            "gyroscope_noise_density: %.9g\ngyroscope_random_walk: %.9g\n"
-                            "accelerometer_noise_density: %.9g\naccelerometer_random_walk: %.9g\n",
-                            imu.rate_hz, 1e9 * offset_s(s), imu.gyro_noise, imu.gyro_walk,
-                            imu.acceleration_noise, imu.acceleration_walk);
+    return text +
+           formatted("0.0, 0.0, 0.0, 1.0]\nrate_hz: %.9g\n"
+                     "# added to the stamp of a sample it gives the time of the cameras\n"
+                     "time_offset_ns: %.0f\n"
+                     "gyroscope_noise_density: %.9g\ngyroscope_random_walk: %.9g\n"
+                     "accelerometer_noise_density: %.9g\naccelerometer_random_walk: %.9g\n",
+                     imu.rate_hz, 1e9 * offset_s(s), imu.gyro_noise, imu.gyro_walk,
+                     imu.acceleration_noise, imu.acceleration_walk) +
+           correction_line("gyro_correction", imu.gyro_correction) +
+           correction_line("acceleration_correction", imu.acceleration_correction);
 }
 
 } // namespace calibrate

@@ -1,5 +1,6 @@
 /* Noise of inertial sensors: simulated densities are found within the errors that are stated; logs
  * that are too short, or that moved, are called so. */
+#include "calibrate/imu_samples.h"
 #include "calibrate/allan.h"
 #include "calibrate/command.h"
 
@@ -209,6 +210,32 @@ void wrong_input_is_refused(void **)
     assert_int_equal(run({"imu", "--source", "sim:orbit?frames=30&imu=200"}), 1); /* too short */
 }
 
+/* Samples that are not finite are passed over; one that is repeated or late leaves open what is
+ * lacking. */
+void odd_samples_of_a_log(void **)
+{
+    char path[] = "/tmp/fovea-imu-XXXXXX";
+    const int made = mkstemp(path);
+    assert_true(made >= 0);
+    close(made);
+    for (const char *third : {"15,nan,0,0,0,0,9.8\n", "10,1,0,0,0,0,9.8\n", "5,1,0,0,0,0,9.8\n"}) {
+        std::vector<fovea_imu_sample> samples;
+        fovea_error error;
+        FILE *file = std::fopen(path, "w");
+        assert_non_null(file);
+        std::fprintf(file, "1,1,0,0,0,0,9.8\n10,1,0,0,0,0,9.8\n%s20,1,0,0,0,0,9.8\n", third);
+        assert_int_equal(std::fclose(file), 0);
+        const fovea_status status = read_imu(path, samples, &error);
+        if (std::strstr(third, "nan") != nullptr) {
+            assert_true(status == FOVEA_OK && samples.size() == 3 && samples[2].stamp_ns == 20);
+            continue;
+        }
+        assert_int_equal(status, FOVEA_ERROR_INPUT);
+        assert_non_null(std::strstr(error.text, "expected one after the sample before, of 10"));
+    }
+    unlink(path);
+}
+
 /* All the time and smoothly, so that no second stands out by its noise; or an axis is dead. */
 void a_sensor_that_moves_or_is_dead_fails(void **)
 {
@@ -238,6 +265,7 @@ int main()
         cmocka_unit_test(the_command_writes_what_fovea_reads),
         cmocka_unit_test(a_real_log_of_two_seconds_is_too_short),
         cmocka_unit_test(wrong_input_is_refused),
+        cmocka_unit_test(odd_samples_of_a_log),
         cmocka_unit_test(a_sensor_that_moves_or_is_dead_fails),
     };
     return cmocka_run_group_tests(tests, nullptr, nullptr);

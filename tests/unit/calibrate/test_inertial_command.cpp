@@ -1,13 +1,18 @@
 /* fovea-calibrate rig --imu as a whole: the simulated rig is found by rendered pictures. */
 #include "calibrate/command.h"
+#include "calibrate/inertial_command.h"
 #include "calibrate/rigid.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <unistd.h>
 
 #include "support/calibration.h"
+extern "C" {
+#include "drivers/recorded/euroc_imu.h"
+}
 
 #include "common/calibrate_command.h"
 #include "common/cmocka_cpp.h"
@@ -104,6 +109,36 @@ void the_simulated_rig_is_found(void **)
     assert_int_equal(rmdir(folder), 0);
 }
 
+/* What the sensor's file states is applied, and stays in the file that is written. */
+void stated_corrections_are_applied_and_kept(void **)
+{
+    char path[] = "/tmp/fovea-inertial-XXXXXX";
+    Inertial inertial;
+    fovea_rig_imu read;
+    fovea_error error;
+    const double gyro[12] = {1 / 1.01, 0, 0, 0, 0.0125, 1 / 1.01, 0, 0, 0, 0, 1 / 1.01, 0.125};
+    inertial.imu.gyro_range = 5;
+    std::copy(gyro, gyro + 12, inertial.imu.gyro_correction);
+    const std::vector<fovea_imu_sample> shown = {{7, {1.01, -2.02, 3.03}, {1, 2, 9.5}},
+                                                 {9, {1.01, -5, 3.03}, {1, 2, 9.5}}};
+    const std::vector<fovea_imu_sample> found = corrected_samples(shown, inertial.imu);
+    const double expected[3] = {1, -2 + 0.0125 * 1.01, 3 + 0.125};
+    for (int i = 0; i < 3; i++) {
+        assert_float_equal(found[0].gyro[i], expected[i], 1e-12);
+        assert_true(found[0].acceleration[i] == shown[0].acceleration[i]); /* none is stated */
+        assert_true(found[1].gyro[i] == shown[1].gyro[i]); /* it is at the end of its range */
+    }
+    const std::string text = inertial_file(inertial, Grade::pass, "today");
+    const int file = mkstemp(path);
+    assert_true(file >= 0 && write(file, text.data(), text.size()) == (ssize_t)text.size());
+    close(file);
+    if (fv_euroc_imu_sensor(path, &read, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_memory_equal(read.gyro_correction, gyro, sizeof gyro);
+    for (const double value : read.acceleration_correction)
+        assert_true(value == 0);
+    unlink(path);
+}
+
 void wrong_input_is_refused(void **)
 {
     const std::vector<std::string> words = {"rig", "--target", "chessboard:9x6:0.03", "--source",
@@ -130,6 +165,7 @@ int main()
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_simulated_rig_is_found),
+        cmocka_unit_test(stated_corrections_are_applied_and_kept),
         cmocka_unit_test(wrong_input_is_refused),
     };
     return cmocka_run_group_tests(tests, nullptr, nullptr);
