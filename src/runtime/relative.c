@@ -72,8 +72,8 @@ static void add_link(const struct fv_se3 *T_now_world, const struct fv_relative_
         covariance[k] += carried[k];
 }
 
-/* What links have in common along the whole way: the scale's error, or that of the unit of length of
- * the stretch, which differs from place to place. */
+/* What links have in common along the whole way: the scale's error, or that of the unit of length
+ * of the stretch, which differs from place to place. */
 static void add_common(const struct fv_se3 *T_before_now, double sigma, double covariance[21])
 {
     double way[3];

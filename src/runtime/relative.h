@@ -25,7 +25,7 @@ struct fv_relative_frame {
     uint32_t is_keyframe;
     struct fv_se3 T_world_cam;
     double covariance[21]; /* but for the scale's share */
-    double common_sigma; /* along the way: what links have in common, relative */
+    double common_sigma;   /* along the way: what links have in common, relative */
 };
 
 struct fv_relative_state {
