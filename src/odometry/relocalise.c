@@ -177,6 +177,13 @@ static void enter(struct fv_odometry *o, uint32_t slot)
     s->reset_counter += o->map.state->odom_id != odom_id;
 }
 
+/* What another camera saw, which is known by metres from the first, is looked for in metres. */
+static bool serves(const struct fv_odometry *o, const struct fv_map_frame *frame, uint32_t slot)
+{
+    return fv_norm3(frame->keyframe->seen_from) == 0 ||
+           fv_map_metric_of(&o->map, o->map.keyframes[slot].map_id);
+}
+
 bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels,
                             struct fv_se3 *T, struct fv_pose_fit *fit)
 {
@@ -185,7 +192,7 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
     struct fv_place_set among = {{0}};
     for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
         if (o->map.keyframes[k].used && !fv_odometry_given_up(o, k) &&
-            fv_place_holds(&r->place, k, o->map.keyframes[k].generation))
+            fv_place_holds(&r->place, k, o->map.keyframes[k].generation) && serves(o, &frame, k))
             fv_place_set_add(&among, k);
     fv_place_words_begin(r->words);
     fv_place_words_add(r->words, kernels, frame.descriptors, frame.keyframe->features);

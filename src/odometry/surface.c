@@ -77,7 +77,7 @@ static bool point_of(const struct sight *s, uint32_t feature, struct fv_surface_
     const double distance = fv_norm3(q),
                  ray_rad = s->pixel_rad * fv_level_scale(s->frame.points[feature].level);
     for (int k = 0; k < 3; k++)
-        point->position[k] = (float)q[k];
+        point->position[k] = (float)(q[k] + s->frame.keyframe->seen_from[k]);
     point->along = (float)(distance / __builtin_sqrt(weight));
     point->across = (float)(distance * ray_rad);
     return true;

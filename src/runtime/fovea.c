@@ -92,11 +92,11 @@ static bool fits(const struct fovea *rt, uint32_t camera, const struct fovea_ima
            image->format != FOVEA_PIXEL_MJPEG;
 }
 
-/* The first of several cameras gave no image. */
+/* The first camera gave no image, and the second did. */
 static bool is_absent(const struct fovea *rt, const struct fovea_frame *frame)
 {
-    return frame->images[0].data == NULL && frame->image_count > 1 &&
-           rt->config.rig.camera_count > 1;
+    return frame->images[0].data == NULL && rt->stereo_used && frame->image_count > 1 &&
+           fits(rt, 1, &frame->images[1]);
 }
 
 /* Whether there is a frame to process; counts what is refused. */

@@ -199,8 +199,9 @@ static void publish_camera(struct fv_publish *publish, const struct fv_odometry 
     const struct fovea_pose before = *pose;
     *pose = *fv_odometry_pose(odometry);
     pose->scale = 1;
+    /* `odom` is new, but where a map that goes on in it begins, which is posed. */
     if (pose->map_id != before.map_id &&
-        pose->reset_counter != before.reset_counter) /* odom is new */
+        (!pose->posed || pose->reset_counter != before.reset_counter))
         s->metric = s->is_upright = s->sent = s->changes = 0;
     if (!pose->posed && goes_on(s, inertial)) {
         go_on(s, inertial);

@@ -357,6 +357,8 @@ void fv_inertial_stage_predict(struct fv_inertial_stage *stage, const struct fv_
     hint->continues =
         known && !s->doubted && since_ns <= continuing_max_ns && !fv_odometry_withholds(odometry);
     hint->turn_variance = turn_variance(stage, &sum);
+    if (hint->continues && !hint->whole && s->still.standing) /* as it has coasted */
+        fv_se3_identity(&hint->T_now_last);
     for (int i = 0; i < 3; i++)
         hint->T_now_last.t[i] *= hint->whole || hint->continues ? map_scale / s->known.scale : 0;
     fv_se3_invert(&hint->T_now_last, &hint->T_now_last);
