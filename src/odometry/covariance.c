@@ -402,9 +402,11 @@ static void reference_from(const struct fv_keyframe *reference, const struct fv_
     fv_se3_compose(&frame->keyframe->T_cam_world, &T_world_ref, T);
 }
 
-/* What is counted of what the parts show, errors of the fit having `variance`. */
-static void weigh_parts(double variance, struct fv_pose_shown *parts)
+/* What is counted of what the parts show, errors of the fit having `variance`: all of it where
+ * distances are measured, since behind a noisy keyframe two fifths are too few there. */
+static void weigh_parts(const struct fv_map *map, double variance, struct fv_pose_shown *parts)
 {
+    if (fv_map_metric(map)) return;
     const double beyond = (parts->variance / variance - parts_chance) / (parts_sure - parts_chance);
     const double sure = beyond < 0 ? 0 : beyond > 1 ? 1 : beyond;
     const double counted = parts_fraction + (1 - parts_fraction) * sure;
@@ -472,7 +474,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_map_frame *frame
     bool reliable = spread && (parts.variance < together_max * variance ||
                                fv_agreement_settled(&o->state->agreement));
     fv_pose_spread(fit, together_max * variance, &parts);
-    weigh_parts(variance, &parts);
+    weigh_parts(&o->map, variance, &parts);
     if (!solve_joint(o, frame, fit->inliers, variance, covariance)) {
         memset(covariance, 0, sizeof o->state->pose.covariance);
         (void)fv_pose_add_alone(fit, variance, covariance);

@@ -16,10 +16,11 @@
  * the pose moves by something when a part is left out, and what is moved where one part has most of
  * the leverage is much (fv_pose_jackknife). Few parts show it, and by chance often more than there
  * is: on good runs two fifths of it are enough, which have up to four times the errors' variance.
- * From eight times on, where something does pull, all of it counts. Where few parts are left, as
- * behind something that hides the others, they do not show every direction, and what they show
- * beyond three times the errors' variance is spread over all (fv_pose_spread). Errors of single
- * landmarks are taken to have the variance that the frame's inliers show a posteriori.
+ * From eight times on, where something does pull, all of it counts, and in a metric map always.
+ * Where few parts are left, as behind something that hides the others, they do not show every
+ * direction, and what they show beyond three times the errors' variance is spread over all
+ * (fv_pose_spread). Errors of single landmarks are taken to have the variance that the frame's
+ * inliers show a posteriori.
  *
  * A keyframe may have been noisier than the frame: the sensor had more gain, or the link failed
  * for some pictures. Its errors of the sample show its own variance; where that is larger than the

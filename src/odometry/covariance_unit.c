@@ -68,8 +68,6 @@ void fv_covariance_add_unit(struct fv_odometry *o, const struct fv_map_frame *fr
                  about =
                      fv_covariance_unit_about(variances, count, s->unit_half_difference, variance),
                  passed = passed_fraction * bend * bend * bend;
-    for (int row = 0, k = 0; row < 3; k += 6 - row, row++)
-        for (int column = row; column < 3; column++)
-            covariance[k + column - row] += about * t[row] * t[column];
+    fv_se3_add_along(t, about, covariance);
     s->unit_variance = is_young ? 0 : (float)(variance + passed * passed);
 }
